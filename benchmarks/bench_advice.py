@@ -49,7 +49,7 @@ from spectrabox.fixtures.near_lamps import (
 )
 from spectrabox.fixtures.paints import NM, chart_copy
 from spectrabox.measure.advice.advice import TIMES
-from spectrabox.measure.advice.at_hand import usual_at_hand
+from spectrabox.measure.advice.advise import usual_at_hand
 from spectrabox.measure.advice.forecast import outlook_of
 from spectrabox.radiometry.appearance import ciede2000
 from spectrabox.radiometry.chart import COPIES_BEFORE_2014, COPIES_SINCE_2014, REFERENCES

@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.radiometry.bspline import basis_matrix
-from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.grid import basis_matrix, visible_grid
 from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.sampling.draw_methods import draw_spectra
 from spectrabox.sampling.polytope.bounds import bounds_of_many, linear_programmes, signal_boxes

@@ -151,7 +151,7 @@ def in_domain(libraries: list[ReflectanceLibrary], response: np.ndarray) -> Cert
 
 def uniform_row(reflectances: np.ndarray, response: np.ndarray) -> tuple[float, float]:
     """RMSE of the mean and 95 % coverage of exact uniform draws at N = 7."""
-    from spectrabox.radiometry.bspline import basis_matrix
+    from spectrabox.radiometry.grid import basis_matrix
 
     basis = basis_matrix(PRIOR_GRID.nm, 7)
     errors, held = [], []

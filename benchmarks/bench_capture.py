@@ -25,9 +25,9 @@ from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.capture.chart.chart_agreement import TYPICAL_SIGNALS
 from spectrabox.capture.chart.detection import find_chart
 from spectrabox.capture.chart.patches import sample_patches
-from spectrabox.capture.develop.bands import bright_channels, stack_bands, strongest_channel
 from spectrabox.capture.develop.bracket import merge_exposures
 from spectrabox.capture.develop.dark import mean_dark, subtract_dark
+from spectrabox.capture.develop.developed import bright_channels, stack_bands, strongest_channel
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.capture.photo.noise import PhotonTransfer
 from spectrabox.fixtures.chart_scene import GRID_MM, chart_scene, mosaic

@@ -2,7 +2,7 @@
 
 The mean is made where it is asked for (``radiometry/chart.py``), from tables that
 ``radiometry/published/make_tables.py`` makes of their sources; its spread is stated in
-``radiometry/charts/classic_copies.py``. Printed are, of every table and of further copies that are
+``radiometry/charts/references.py``. Printed are, of every table and of further copies that are
 named, the level of the greys beside the mean's, of white, greys and black beside their own greys,
 of the coloured patches together, and the scatter of these; then standard deviations over the tables
 that ship, and over copies as they are drawn. All are logarithms, from 430 nm on.
@@ -26,8 +26,7 @@ from spectrabox.radiometry.chart import (
     levels_of_classic,
     table_of_classic,
 )
-from spectrabox.radiometry.charts.classic_copies import editions
-from spectrabox.radiometry.charts.references import measured_chart
+from spectrabox.radiometry.charts.references import editions, measured_chart
 from spectrabox.radiometry.grid import FINE_GRID
 
 COLOURED, DRAWN, SEED = slice(18), 500, 1

@@ -18,7 +18,7 @@ import numpy as np
 
 from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
 from spectrabox.radiometry.chart import CLASSIC, COPIES_BEFORE_2014
-from spectrabox.radiometry.charts.classic_copies import ChartCopies, editions
+from spectrabox.radiometry.charts.references import ChartCopies, editions
 from spectrabox.radiometry.errors import SpectraboxError
 from spectrabox.radiometry.records.spectra import UnknownLight
 from spectrabox.radiometry.spectra.spectrum_files import on_grid

@@ -17,7 +17,7 @@ import numpy as np
 
 from spectrabox.calibrate.chart_calibration import calibrate_chart
 from spectrabox.calibrate.chart_photo import ChartPhoto
-from spectrabox.capture.develop.bands import DARK_CHANNEL
+from spectrabox.capture.develop.developed import DARK_CHANNEL
 from spectrabox.fixtures.paints import NM, chart_copy
 from spectrabox.measure.held_out_spectra import held_out_patches
 from spectrabox.measure.pictures.uplift import uplift_image
@@ -35,9 +35,9 @@ from spectrabox.radiometry.error_model import (
     sensitivity_covariance,
 )
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
+from spectrabox.radiometry.interreflection import relative_response
 from spectrabox.radiometry.records.photos import LinearImage, PatchSamples, PhotoKind, RegionSamples
 from spectrabox.radiometry.records.spectra import SurfaceSignals, UnknownLight
-from spectrabox.radiometry.response import relative_response
 from spectrabox.radiometry.spectra.named_spectra import sensitivities, test_reflectances
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.sampling.prior.signal_posterior import solve_posterior

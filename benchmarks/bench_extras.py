@@ -45,7 +45,7 @@ from spectrabox.measure.captured import (
     SceneCapture,
     View,
 )
-from spectrabox.measure.chart_edition import edition_in_photo
+from spectrabox.measure.chart_patches import edition_in_photo
 from spectrabox.measure.estimate import Estimate
 from spectrabox.measure.records import KeptRecord
 from spectrabox.measure.shoot.options import Sampling
@@ -60,10 +60,10 @@ from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLig
 from spectrabox.radiometry.spectra.filters import stated_filter, unknown_filter
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.kept_stages import FinishedRun, load_finished
 from spectrabox.session.outputs.session_results import SessionResults
+from spectrabox.session.pipeline import FinishedRun, load_finished
 from spectrabox.session.report.page import render_report
-from spectrabox.session.terminal.json_values import to_json
+from spectrabox.session.terminal.command_line import to_json
 
 SIZE = (180, 270)           # rows, columns
 NOISE = 0.003               # of full scale, in a pixel

@@ -35,15 +35,14 @@ from spectrabox.fixtures.paints import NM, chart_copy
 from spectrabox.radiometry.chart import REFERENCES
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.grid import grid_from_nm
+from spectrabox.radiometry.interreflection import response_matrix, white_signal
 from spectrabox.radiometry.records.spectra import Quantity, SpectralMeasurement, SpectrumSummary
-from spectrabox.radiometry.response import response_matrix, white_signal
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.sampling.prior.signal_posterior import sample_prior
 from spectrabox.sampling.summary import summarise
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.kept_stages import FinishedRun
-from spectrabox.session.pipeline import run_stages
+from spectrabox.session.pipeline import FinishedRun, run_stages
 
 from benchmarks.bench_unknown_makers import makers_of, prior_without
 

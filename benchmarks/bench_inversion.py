@@ -39,8 +39,7 @@ from spectrabox.radiometry.records.calibration import Calibration, LightScale, S
 from spectrabox.radiometry.records.photos import LinearImage, PhotoKind
 from spectrabox.radiometry.records.spectra import Outcome, Quantity, Spectrum, WavelengthGrid
 from spectrabox.reconstruct import gradient_engine as gradient
-from spectrabox.reconstruct.fit.spectrum_prior import smooth_prior
-from spectrabox.reconstruct.fit.traced_view import TracedView, fit_traced
+from spectrabox.reconstruct.fit.transport_fit import TracedView, fit_traced, smooth_prior
 from spectrabox.reconstruct.fit.view_terms import Nuisances
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.scene.scene_file import read_scene

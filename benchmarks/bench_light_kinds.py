@@ -37,6 +37,7 @@ from spectrabox.calibrate.products.lamps import (
     all_lamps,
     blackbodies,
     colour_temperatures,
+    product_prior,
 )
 from spectrabox.calibrate.products.product_fit import (
     EVIDENCE_POWER,
@@ -46,7 +47,6 @@ from spectrabox.calibrate.products.product_fit import (
     kind_probabilities,
 )
 from spectrabox.calibrate.products.product_posterior import posterior_of_products
-from spectrabox.calibrate.products.product_prior import product_prior
 from spectrabox.radiometry.records.spectra import UnknownLight
 from spectrabox.radiometry.spectra.light_words import LIGHT_KINDS
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances

@@ -18,7 +18,7 @@ from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.prior.learnt_prior import CameraDatabase, read_camera_database
 from spectrabox.measure.plots import plot_matrices
-from spectrabox.measure.profiles.matrix_comparison import ComparedMatrices, compare_matrices
+from spectrabox.measure.profiles.camera_profile import ComparedMatrices, compare_matrices
 from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.photos import PatchSamples

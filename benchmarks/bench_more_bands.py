@@ -35,7 +35,7 @@ from spectrabox.fixtures.flat_sample import (
     write_photo,
 )
 from spectrabox.fixtures.paints import NM, chart_copy
-from spectrabox.measure.advice.at_hand import usual_at_hand
+from spectrabox.measure.advice.advise import usual_at_hand
 from spectrabox.radiometry.appearance import delta_e00
 from spectrabox.radiometry.chart import REFERENCES
 from spectrabox.radiometry.errors import SpectraboxError

@@ -20,8 +20,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from spectrabox.radiometry.grid import grid_from_nm
-from spectrabox.radiometry.interreflection import signal
-from spectrabox.radiometry.response import response_matrix
+from spectrabox.radiometry.interreflection import response_matrix, signal
 from spectrabox.reconstruct.rendering.llvm import ensure_llvm
 from spectrabox.reconstruct.rendering.renderer import all_cores, load_scene, render, start_mitsuba
 from spectrabox.reconstruct.view import PhotoView

@@ -39,7 +39,7 @@ from spectrabox.calibrate.prior.learnt_prior import (
 from spectrabox.calibrate.products.lamps import blackbodies, colour_temperatures
 from spectrabox.measure.camera import fit_camera
 from spectrabox.radiometry.chart import AFTER_2014, CLASSIC, chart_reflectances
-from spectrabox.radiometry.charts.classic_copies import editions
+from spectrabox.radiometry.charts.references import editions
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records.photos import PatchSamples

@@ -29,15 +29,14 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 
 from spectrabox.calibrate.chart_calibration import calibration_from_curves
-from spectrabox.capture.photo.binning import bin_image, render_size
 from spectrabox.capture.photo.linear import open_photo
+from spectrabox.capture.photo.preview import bin_image, render_size
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records.scenes import LearntSpectra, Reconstruction
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves, read_spectrum
 from spectrabox.reconstruct.agreement import edge_shift, scene_errors
-from spectrabox.reconstruct.fit.spectrum_prior import spectrum_prior
-from spectrabox.reconstruct.fit.traced_view import TracedView, fit_traced
+from spectrabox.reconstruct.fit.transport_fit import TracedView, fit_traced, spectrum_prior
 from spectrabox.reconstruct.inverse_rendering import reconstruct, reconstruct_views
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.scene.scene_file import read_scene

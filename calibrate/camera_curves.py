@@ -7,12 +7,7 @@ from typing import Annotated
 import numpy as np
 
 from spectrabox.calibrate.chart_calibration import ChartCalibration
-from spectrabox.calibrate.prior.curve_posterior import (
-    camera_alone,
-    curve_moments,
-    curve_variance,
-    draw_curves,
-)
+from spectrabox.calibrate.prior import curve_posterior
 from spectrabox.radiometry.records.calibration import SensitivityFit
 from spectrabox.radiometry.shaped import Record
 
@@ -35,11 +30,12 @@ def camera_curves(calibration: ChartCalibration) -> SensitivityFit:
     if joint is None or not joint.posterior.lights:
         return fit
     bands = len(fit.curves)
-    alone = camera_alone(joint.posterior, bands)
-    moments = curve_moments(alone, bands)
-    return replace(fit, curves=moments.coefficients @ alone.basis.T,
-                   coefficients=moments.coefficients, covariance=moments.covariance,
-                   standard_error=np.sqrt(curve_variance(alone.basis, moments.covariance, bands)))
+    alone = curve_posterior.camera_alone(joint.posterior, bands)
+    moments = curve_posterior.curve_moments(alone, bands)
+    return replace(
+        fit, curves=moments.coefficients @ alone.basis.T, coefficients=moments.coefficients,
+        covariance=moments.covariance, standard_error=np.sqrt(
+            curve_posterior.curve_variance(alone.basis, moments.covariance, bands)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +60,9 @@ def curve_band(calibration: ChartCalibration, seed: int = 0) -> CurveBand | None
     """
     fit = calibration.calibration.sensitivity
     if calibration.prior_fit is not None:
-        draws = draw_curves(camera_alone(calibration.prior_fit.posterior, len(fit.curves)),
-                            len(fit.curves), DRAWS, seed)
+        draws = curve_posterior.draw_curves(
+            curve_posterior.camera_alone(calibration.prior_fit.posterior, len(fit.curves)),
+            len(fit.curves), DRAWS, seed)
         lower, upper = np.quantile(draws, [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=0)
         return CurveBand(lower, upper, draws)
     if fit.standard_error is None:

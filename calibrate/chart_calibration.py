@@ -7,44 +7,19 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from spectrabox.calibrate.chart_consistency import WORST_MODEL_ERROR, light_power
-from spectrabox.calibrate.chart_copy import COPY_ERROR, copy_of_chart, of_edition
+from spectrabox.calibrate import chart_copy, chart_photo, doubts, joint_estimate, sensitivity, trust
 from spectrabox.calibrate.chart_equations import ChartEquations
-from spectrabox.calibrate.chart_photo import ChartPhoto, used_and_excluded
 from spectrabox.calibrate.colour_drift import colour_drift
-from spectrabox.calibrate.doubts import (
-    LightEvidence,
-    colour_matrix,
-    disagreeing_bands,
-    drifting_light,
-    evidence_on_kind,
-    evidence_on_spectrum,
-    unlike_cameras,
-)
 from spectrabox.calibrate.held_out_patches import PatchesWithout, in_chart_order
-from spectrabox.calibrate.joint.joint_estimate import require_explained
-from spectrabox.calibrate.joint.suspect_patches import without_suspects
-from spectrabox.calibrate.joint.veiling_glare import estimate_through_glare, veiled
 from spectrabox.calibrate.light_error import LightDeparture, light_departures
-from spectrabox.calibrate.prior.camera_prior import CameraPrior
+from spectrabox.calibrate.prior.camera_prior import SMOOTH_SOURCE, CameraPrior
 from spectrabox.calibrate.prior.curve_posterior import relit
-from spectrabox.calibrate.prior.plain_priors import SMOOTH_SOURCE
-from spectrabox.calibrate.sensitivity import (
-    CHART_ERROR,
-    PriorFit,
-    default_prior,
-    fit_sensitivities,
-    relative_prediction_covariance,
-)
 from spectrabox.calibrate.spline_fit import SPLINE_COEFFICIENTS
-from spectrabox.calibrate.trust import (
-    chart_colour_differences,
-    check_measured_curves,
-    fit_findings,
-)
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding, Severity
+from spectrabox.radiometry.interreflection import response_matrix
 from spectrabox.radiometry.light_scale import scale_from_signals
+from spectrabox.radiometry.records import spectra
 from spectrabox.radiometry.records.calibration import (
     Calibration,
     ChartCopy,
@@ -54,8 +29,6 @@ from spectrabox.radiometry.records.calibration import (
     PriorInfluence,
     SensitivityFit,
 )
-from spectrabox.radiometry.records.spectra import Outcome, Spectrum, UnknownLight, WavelengthGrid
-from spectrabox.radiometry.response import response_matrix
 from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 
@@ -82,14 +55,15 @@ class ChartCalibration(Record):
     held_out: Annotated[np.ndarray, "I K"]          # each patch predicted from the others
     delta_e: Annotated[np.ndarray, "I"]             # CIEDE2000 of each patch, fitted
     held_out_delta_e: Annotated[np.ndarray, "I"]    # the same, the patch left out of the fit
-    prior_fit: PriorFit | None                      # of the method "prior"
+    prior_fit: sensitivity.PriorFit | None                      # of the method "prior"
     without: PatchesWithout                         # the first photo's patches, each left out
     excluded: Annotated[np.ndarray, "I"]            # bool: excluded from every fit
     saturated: Annotated[np.ndarray, "I"]           # bool: of the excluded, in every band
     cleaned: PatchesWithout                         # as ``without``, suspects out of every fit
     reflectances: Annotated[np.ndarray, "I P"]      # that were taken for the first photo's chart
     departures: tuple[LightDeparture, ...] = ()     # of the lights that may depart from the stated
-    light_evidence: tuple[LightEvidence, ...] = ()  # on each light of which something was stated
+    light_evidence: tuple[doubts.LightEvidence,
+                          ...] = ()  # on each light of which something was stated
     copy: ChartCopy | None = None                   # None: the reflectances were stated
 
     @property
@@ -107,7 +81,7 @@ class ChartCalibration(Record):
         return None if self.prior_fit is None else self.prior_fit.photos[0].white
 
 
-def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
+def calibrate_chart(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.WavelengthGrid,
                     options: CalibrationOptions | None = None) -> ChartCalibration:
     """Calibration of a camera and its light from photos of a chart.
 
@@ -137,16 +111,17 @@ def calibrate_chart(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
     made = _calibrated(photos, grid, chosen)
     if made.copy is None or made.copy.edition == photos[0].editions[0].name:
         return made
-    return _calibrated([of_edition(photo, made.copy.edition) for photo in photos], grid, chosen)
+    return _calibrated([chart_copy.of_edition(photo, made.copy.edition) for photo in photos], grid,
+                       chosen)
 
 
-def _calibrated(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
+def _calibrated(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.WavelengthGrid,
                 chosen: CalibrationOptions) -> ChartCalibration:
     """The calibration by the first edition that the chart may be of, and which it is likely of."""
     first = photos[0]
     _require_usable(photos, chosen)
     light = first.light_on(grid)
-    power, unlit = light_power(light, grid)
+    power, unlit = chart_photo.light_power(light, grid)
     if chosen.curves is not None:
         fitted = _from_measured(first, power, grid, chosen.curves)
     elif chosen.method == "prior":
@@ -155,9 +130,9 @@ def _calibrated(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
         fitted = _by_splines(first, power, grid, chosen)
     fit, scale, held_out = fitted.fit, fitted.scale, fitted.held_out
     signals_without = first.samples.mean * (1 - held_out)
-    covariance = relative_prediction_covariance(held_out, first.samples)
+    covariance = sensitivity.relative_prediction_covariance(held_out, first.samples)
     delta_e, delta_e_without = (
-        chart_colour_differences(first.samples.mean, signal, first.reflectances, grid)
+        trust.chart_colour_differences(first.samples.mean, signal, first.reflectances, grid)
         for signal in (fitted.predicted, signals_without))
 
     known = ~first.samples.clipped.any(axis=1)
@@ -177,20 +152,20 @@ def _calibrated(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
             "error": float(scale.standard_error / scale.value)}))
     findings += [*unlit, *_clipped(fitted.without, first), *fitted.of_fit]
     if fitted.prior_fit is not None:
-        findings += veiled(fitted.prior_fit)
+        findings += joint_estimate.veiled(fitted.prior_fit)
     # products with an unknown light are no curves that a matrix could be held against
     if fitted.light is None:
-        findings += colour_matrix(first.samples.camera_from_xyz, fit.curves, grid)
+        findings += doubts.colour_matrix(first.samples.camera_from_xyz, fit.curves, grid)
 
     calibration = Calibration(fit, light, None if first.irradiance is None else scale, covariance,
                               tuple(findings), fitted.light,
-                              isinstance(first.light, UnknownLight))
+                              isinstance(first.light, spectra.UnknownLight))
     return ChartCalibration(calibration, scale, fitted.predicted, signals_without, delta_e,
                             delta_e_without, fitted.prior_fit, fitted.without, ~first.used,
                             first.samples.saturated, fitted.cleaned, first.reflectances,
                             fitted.departures, fitted.evidence,
                             None if fitted.prior_fit is None else
-                            copy_of_chart(photos, fitted.prior_fit, grid))
+                            chart_copy.copy_of_chart(photos, fitted.prior_fit, grid))
 
 
 class _Fitted(NamedTuple):
@@ -203,14 +178,14 @@ class _Fitted(NamedTuple):
     without: PatchesWithout
     cleaned: PatchesWithout     # by fits without patches that others contradict
     of_fit: tuple[Finding, ...]
-    prior_fit: PriorFit | None = None
+    prior_fit: sensitivity.PriorFit | None = None
     light: LightPosterior | None = None
     of_light: tuple[Finding, ...] = ()
     departures: tuple[LightDeparture, ...] = ()
-    evidence: tuple[LightEvidence, ...] = ()
+    evidence: tuple[doubts.LightEvidence, ...] = ()
 
 
-def _require_usable(photos: Sequence[ChartPhoto], chosen: CalibrationOptions) -> None:
+def _require_usable(photos: Sequence[chart_photo.ChartPhoto], chosen: CalibrationOptions) -> None:
     """Refuse photos that the method cannot take."""
     first, bands = photos[0], photos[0].samples.mean.shape[1]
     if first.filter is not None:
@@ -221,11 +196,11 @@ def _require_usable(photos: Sequence[ChartPhoto], chosen: CalibrationOptions) ->
                          "are needed: stack photos that were taken through different filters into "
                          "one of several bands")
     method = chosen.method if chosen.curves is None else "file"
-    if isinstance(first.light, UnknownLight):
+    if isinstance(first.light, spectra.UnknownLight):
         if method != "prior":
             raise InputError(f"method {method} needs the spectrum of the light, and the photo has "
                              f"an {first.light.words}; use method prior, or measure the light")
-        if any(not isinstance(photo.light, UnknownLight) for photo in photos[1:]):
+        if any(not isinstance(photo.light, spectra.UnknownLight) for photo in photos[1:]):
             raise InputError("several chart photos of which one has an unknown light must all be "
                              "under that light: fit those under other lights by themselves, or "
                              "measure it")
@@ -233,7 +208,7 @@ def _require_usable(photos: Sequence[ChartPhoto], chosen: CalibrationOptions) ->
         raise InputError(f"method {method} takes one photo; {len(photos)} photos need method prior")
 
 
-def _clipped(without: PatchesWithout, photo: ChartPhoto) -> list[Finding]:
+def _clipped(without: PatchesWithout, photo: chart_photo.ChartPhoto) -> list[Finding]:
     """What it costs that clipped bands of patches could not be used."""
     samples, known = photo.samples, without.known_within(photo.reflectances)
     bands = np.array(photo.band_names)
@@ -244,37 +219,37 @@ def _clipped(without: PatchesWithout, photo: ChartPhoto) -> list[Finding]:
             for patch in np.flatnonzero(samples.clipped.any(axis=1)).tolist()]
 
 
-def _with_prior(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
+def _with_prior(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.WavelengthGrid,
                 prior: CameraPrior | None) -> _Fitted:
     """By the joint estimate from all photos; of an unknown light, products with it."""
     first = photos[0]
-    used, excluded = used_and_excluded(photos, grid)
-    cameras = default_prior(used, grid) if prior is None else prior
-    fit, light = estimate_through_glare(used, first.light, cameras, grid, excluded)
-    require_explained(fit, light, used, cameras, grid)
+    used, excluded = chart_photo.used_and_excluded(photos, grid)
+    cameras = sensitivity.default_prior(used, grid) if prior is None else prior
+    fit, light = joint_estimate.estimate_through_glare(used, first.light, cameras, grid, excluded)
+    joint_estimate.require_explained(fit, light, used, cameras, grid)
 
-    of_fit = [*fit_findings(fit, grid)]
+    of_fit = [*trust.fit_findings(fit, grid)]
     evidence = evidence_on_lights(photos, used, cameras, grid)
     of_light = [one.finding for one in evidence]
     departures: tuple[LightDeparture, ...] = ()
-    if isinstance(first.light, Spectrum):
+    if isinstance(first.light, spectra.Spectrum):
         departures = light_departures(
             fit.posterior, [photo.light_on(grid) for photo in photos], grid)
         of_light += [departure.finding for departure in departures]
-        of_fit.append(unlike_cameras(fit))
+        of_fit.append(doubts.unlike_cameras(fit))
     elif light is not None:
         light = replace(light, findings=(*of_light, *light.findings))
         of_light = [*light.findings]
     else:
         of_light.append(Finding("light.lines-smoothed", Severity.NOTE,
                                 values={"bands": cameras.bands}))
-    if cameras.source == SMOOTH_SOURCE and fit.model_error > WORST_MODEL_ERROR:
-        of_fit.append(disagreeing_bands(used[0].signal, fit.held_out[0], first.band_names))
+    if cameras.source == SMOOTH_SOURCE and fit.model_error > chart_photo.WORST_MODEL_ERROR:
+        of_fit.append(doubts.disagreeing_bands(used[0].signal, fit.held_out[0], first.band_names))
     shown = relit(fit.posterior, used)
     for number in range(len(used)):
         drift = colour_drift(fit.posterior, shown, number)
         if drift is not None:
-            of_fit.append(drifting_light(drift, number + 1 if len(used) > 1 else None))
+            of_fit.append(doubts.drifting_light(drift, number + 1 if len(used) > 1 else None))
 
     without = in_chart_order(fit.without, first.used)
     signals_without = without.predicted(first.reflectances)
@@ -284,12 +259,13 @@ def _with_prior(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
     held_out = 1 - signals_without / first.samples.mean
     return _Fitted(replace(fit.sensitivity, residuals=residuals, held_out_residuals=held_out),
                    replace(fit.photos[0].light_scale, residuals=residuals), predicted, held_out,
-                   without, without_suspects(photos, cameras, grid, without), tuple(of_fit),
-                   fit, light, tuple(of_light), departures, evidence)
+                   without, joint_estimate.without_suspects(photos, cameras, grid, without),
+                   tuple(of_fit), fit, light, tuple(of_light), departures, evidence)
 
 
-def evidence_on_lights(photos: Sequence[ChartPhoto], used: list[ChartEquations],
-                       cameras: CameraPrior, grid: WavelengthGrid) -> tuple[LightEvidence, ...]:
+def evidence_on_lights(photos: Sequence[chart_photo.ChartPhoto], used: list[ChartEquations],
+                       cameras: CameraPrior,
+                       grid: spectra.WavelengthGrid) -> tuple[doubts.LightEvidence, ...]:
     """What photos say for and against each light of which something was stated.
 
     Where no camera is known, smoothness alone, no lamp can be told from another. A photo through a
@@ -306,16 +282,17 @@ def evidence_on_lights(photos: Sequence[ChartPhoto], used: list[ChartEquations],
         Working grid, every nm from 400 to 700 nm.
     """
     light = photos[0].light
-    if cameras.source == SMOOTH_SOURCE or (isinstance(light, UnknownLight) and not light.stated):
+    if cameras.source == SMOOTH_SOURCE or (isinstance(light, spectra.UnknownLight)
+                                           and not light.stated):
         return ()
-    if isinstance(light, UnknownLight):
-        return (evidence_on_kind(light, used, cameras),)
+    if isinstance(light, spectra.UnknownLight):
+        return (doubts.evidence_on_kind(light, used, cameras),)
     return tuple(
-        evidence_on_spectrum(photo.light_on(grid).source, equations, cameras, grid)
+        doubts.evidence_on_spectrum(photo.light_on(grid).source, equations, cameras, grid)
         for photo, equations in zip(photos, used, strict=True) if photo.filter is None)
 
 
-def _from_measured(photo: ChartPhoto, power: np.ndarray, grid: WavelengthGrid,
+def _from_measured(photo: chart_photo.ChartPhoto, power: np.ndarray, grid: spectra.WavelengthGrid,
                    curves: np.ndarray) -> _Fitted:
     """Measured curves as they are; the photo gives the scale of its light."""
     samples, used, irradiance = photo.samples, photo.used, photo.irradiance_or_pi
@@ -323,15 +300,16 @@ def _from_measured(photo: ChartPhoto, power: np.ndarray, grid: WavelengthGrid,
     patches, bands = samples.mean.shape
 
     def scale_by(chosen: np.ndarray) -> LightScale:
-        return scale_from_signals(samples.mean[chosen], unscaled[chosen],
-                                  COPY_ERROR if photo.editions else CHART_ERROR,
-                                  "chart photo", ~samples.clipped[chosen])
+        return scale_from_signals(
+            samples.mean[chosen], unscaled[chosen],
+            chart_copy.COPY_ERROR if photo.editions else sensitivity.CHART_ERROR, "chart photo",
+            ~samples.clipped[chosen])
 
     scale = scale_by(used)
     others = [scale_by(used & rest).value for rest in ~np.eye(patches, dtype=bool)]
     predicted = scale.value * unscaled
     residuals = 1 - predicted / samples.mean
-    relative = relative_prediction_covariance(residuals, samples)
+    relative = sensitivity.relative_prediction_covariance(residuals, samples)
     factor = (np.array(others) * irradiance / np.pi)[:, None, None]
     covariance = np.zeros((patches, bands * bands + bands, bands * bands + bands))
     covariance[:, bands * bands:, bands * bands:] = (
@@ -339,16 +317,16 @@ def _from_measured(photo: ChartPhoto, power: np.ndarray, grid: WavelengthGrid,
     without = PatchesWithout(curves.T, power * grid.weights_nm, factor * np.eye(bands),
                              np.zeros((patches, bands)), covariance, samples.mean,
                              samples.covariance_of_mean, samples.clipped)
-    (equations,), _ = used_and_excluded([photo], grid)
-    agreement = check_measured_curves(equations, curves, grid)
+    (equations,), _ = chart_photo.used_and_excluded([photo], grid)
+    agreement = trust.check_measured_curves(equations, curves, grid)
     return _Fitted(_measured_curves(grid, curves, residuals), replace(scale, residuals=residuals),
                    predicted, residuals, without, without, (agreement,))
 
 
-def _by_splines(photo: ChartPhoto, power: np.ndarray, grid: WavelengthGrid,
+def _by_splines(photo: chart_photo.ChartPhoto, power: np.ndarray, grid: spectra.WavelengthGrid,
                 chosen: CalibrationOptions) -> _Fitted:
     """By one of ``spline_fit.SPLINE_METHODS``."""
-    fit, scale, without = fit_sensitivities(
+    fit, scale, without = sensitivity.fit_sensitivities(
         photo.samples, photo.reflectances, power, photo.irradiance_or_pi, grid, chosen.coefficients,
         method=chosen.method, used=photo.used)
     predicted = scale.value * _chart_signals(photo, grid, fit.curves, power)
@@ -358,14 +336,14 @@ def _by_splines(photo: ChartPhoto, power: np.ndarray, grid: WavelengthGrid,
                    (Finding(band, Severity.NOTE),))
 
 
-def _chart_signals(photo: ChartPhoto, grid: WavelengthGrid, curves: np.ndarray,
+def _chart_signals(photo: chart_photo.ChartPhoto, grid: spectra.WavelengthGrid, curves: np.ndarray,
                    power: np.ndarray) -> np.ndarray:
     return (photo.reflectances @ response_matrix(grid, curves, power).T
             * (photo.irradiance_or_pi / np.pi)[:, None])
 
 
-def through_filter(calibration: Calibration, fit: PriorFit, number: int,
-                   grid: WavelengthGrid) -> Calibration:
+def through_filter(calibration: Calibration, fit: sensitivity.PriorFit, number: int,
+                   grid: spectra.WavelengthGrid) -> Calibration:
     """The calibration of one photo of a fit: that of its light through the photo's filter.
 
     Parameters
@@ -383,14 +361,14 @@ def through_filter(calibration: Calibration, fit: PriorFit, number: int,
         return calibration
     passed = fitted.filter.transmittance / fitted.filter.transmittance.max()
     error = light.standard_error
-    return replace(calibration, filter=fitted, light=Spectrum(
+    return replace(calibration, filter=fitted, light=spectra.Spectrum(
         grid, spectrum_on_grid(light, grid) * passed, light.quantity,
         f"{light.source} through {fitted.filter.name}",
         None if error is None else np.interp(grid.nm, light.grid.nm, error) * passed))
 
 
-def calibration_from_curves(grid: WavelengthGrid, curves: np.ndarray, light: Spectrum,
-                            relative_error: float) -> Calibration:
+def calibration_from_curves(grid: spectra.WavelengthGrid, curves: np.ndarray,
+                            light: spectra.Spectrum, relative_error: float) -> Calibration:
     """Calibration from measured curves alone, without a chart photo.
 
     Parameters
@@ -408,7 +386,7 @@ def calibration_from_curves(grid: WavelengthGrid, curves: np.ndarray, light: Spe
         Finding("calibration.curves-given", Severity.INFO, values={"error": relative_error}),))
 
 
-def _measured_curves(grid: WavelengthGrid, curves: np.ndarray,
+def _measured_curves(grid: spectra.WavelengthGrid, curves: np.ndarray,
                      residuals: np.ndarray | None) -> SensitivityFit:
     return SensitivityFit(grid, curves, None, None, None, None, residuals, None, None,
-                          "measured curves from a file", Outcome.CONVERGED)
+                          "measured curves from a file", spectra.Outcome.CONVERGED)

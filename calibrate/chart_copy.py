@@ -6,14 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from spectrabox.calibrate import copy_errors
 from spectrabox.calibrate.chart_equations import copy_patterns
 from spectrabox.calibrate.chart_photo import ChartPhoto, used_and_excluded
-from spectrabox.calibrate.copy_errors import (
-    copy_posterior,
-    copy_spread,
-    edition_errors,
-    with_level_of_fit,
-)
 from spectrabox.calibrate.sensitivity import PriorFit
 from spectrabox.radiometry.records.calibration import ChartCopy
 from spectrabox.radiometry.records.spectra import WavelengthGrid
@@ -52,13 +47,13 @@ def copy_of_chart(photos: Sequence[ChartPhoto], fit: PriorFit,
     others = np.zeros((len(further), len(errors)))
     if further:
         means = np.array([edition.mean for edition in further])
-        others = np.concatenate([edition_errors(
+        others = np.concatenate([copy_errors.edition_errors(
             photo.signal, ~photo.readable, photo.reflectances, means[:, shown.used], photo.power,
             grid).reshape(len(further), -1) for photo, shown in zip(used, photos, strict=True)],
             axis=1)
-    level_spread, tint_spread = copy_spread(mine, grid)
-    errors, mine = with_level_of_fit(errors, mine, fit.posterior.best_error.common)
-    found = copy_posterior(fit.explained, errors, others, mine, grid)
+    level_spread, tint_spread = copy_errors.copy_spread(mine, grid)
+    errors, mine = copy_errors.with_level_of_fit(errors, mine, fit.posterior.best_error.common)
+    found = copy_errors.copy_posterior(fit.explained, errors, others, mine, grid)
     nats = {mine.name: 0.0, **dict(zip((edition.name for edition in further),
                                        found.log_odds.tolist(), strict=True))}
     editions = sorted(photos[0].editions, key=lambda edition: -edition.share)

@@ -17,7 +17,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from spectrabox.calibrate.copy_errors import copy_errors
-from spectrabox.radiometry.charts.classic_copies import ChartCopies
+from spectrabox.radiometry.charts.references import ChartCopies
 from spectrabox.radiometry.covariance import block_diagonal
 from spectrabox.radiometry.records.calibration import Filter
 from spectrabox.radiometry.records.photos import PatchSamples

@@ -13,13 +13,8 @@ import numpy as np
 from scipy.special import ndtri
 
 from spectrabox.calibrate.chart_copy import COPY_ERROR
+from spectrabox.radiometry import chart
 from spectrabox.radiometry.appearance import ciede2000, reflectance_to_lab
-from spectrabox.radiometry.chart import (
-    BEFORE_2014,
-    COPIES_BEFORE_2014,
-    COPIES_SINCE_2014,
-    SINCE_2014,
-)
 from spectrabox.radiometry.findings import Finding, Severity, graded
 from spectrabox.radiometry.records.calibration import ChartCopy, HeldOutPatches
 
@@ -50,8 +45,8 @@ def evidence_since(copy: ChartCopy) -> float | None:
     ----------
     copy : ChartCopy
     """
-    return None if COPIES_BEFORE_2014 not in copy.evidence or len(copy.evidence) == 1 \
-        else copy.evidence[COPIES_SINCE_2014] - copy.evidence[COPIES_BEFORE_2014]
+    return None if chart.COPIES_BEFORE_2014 not in copy.evidence or len(copy.evidence) == 1 \
+        else copy.evidence[chart.COPIES_SINCE_2014] - copy.evidence[chart.COPIES_BEFORE_2014]
 
 
 def edition_told(copy: ChartCopy) -> str | None:
@@ -65,7 +60,7 @@ def edition_told(copy: ChartCopy) -> str | None:
     nats = evidence_since(copy)
     if nats is None or abs(nats) < TOLD:
         return None
-    return SINCE_2014 if nats > 0 else BEFORE_2014
+    return chart.SINCE_2014 if nats > 0 else chart.BEFORE_2014
 
 
 def edition(copy: ChartCopy) -> Finding:

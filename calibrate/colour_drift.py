@@ -21,14 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.calibrate.chart_equations import (
-    DARK_SHARE,
-    ChartEquations,
-    noise_of_photos,
-    nuisance_starts,
-    predicted_signal,
-    unlit_design,
-)
+from spectrabox.calibrate import chart_equations
 from spectrabox.calibrate.prior.curve_posterior import mixture_moments
 from spectrabox.calibrate.prior.prior_fit import CurvePosterior
 
@@ -51,7 +44,7 @@ class ColourDrift:
         return self.chance < FALSE_ALARM and self.size > MIN_DRIFT
 
 
-def colour_drift(posterior: CurvePosterior, photos: Sequence[ChartEquations],
+def colour_drift(posterior: CurvePosterior, photos: Sequence[chart_equations.ChartEquations],
                  number: int) -> ColourDrift | None:
     """Drift of the light's colour over the chart of one of the photos of a fit.
 
@@ -74,15 +67,16 @@ def colour_drift(posterior: CurvePosterior, photos: Sequence[ChartEquations],
     patches, bands = photo.signal.shape
     size = bands * posterior.basis.shape[1]
     mean, covariance = mixture_moments(posterior.weights, posterior.means, posterior.covariances)
-    start, stop = size + nuisance_starts(photos)[number:number + 2]
-    signal, derivatives = predicted_signal(
-        photo, unlit_design(photo, posterior.basis), np.maximum(mean[:size], 0).reshape(bands, -1),
-        mean[start], mean[start + 1:stop], photo.modes(posterior.basis))
+    start, stop = size + chart_equations.nuisance_starts(photos)[number:number + 2]
+    signal, derivatives = chart_equations.predicted_signal(
+        photo, chart_equations.unlit_design(photo, posterior.basis),
+        np.maximum(mean[:size], 0).reshape(bands, -1), mean[start], mean[start + 1:stop],
+        photo.modes(posterior.basis))
     states = np.r_[:size, start:stop]
     fitted = derivatives @ covariance[np.ix_(states, states)] @ derivatives.T \
         / posterior.widening**2
     residuals = photo.signal.ravel() - signal
-    noise = noise_of_photos([photo], posterior.best_error)
+    noise = chart_equations.noise_of_photos([photo], posterior.best_error)
     weights = np.linalg.inv(noise)
 
     at = start + 1 + photo.field_terms.shape[1]
@@ -101,7 +95,7 @@ def colour_drift(posterior: CurvePosterior, photos: Sequence[ChartEquations],
     drift = np.linalg.solve(root.T, axes @ moved).reshape(2, -1) @ contrasts.T
 
     # squared errors of colours alone: lightness errs by a cause of its own
-    level = np.maximum(photo.signal, DARK_SHARE * photo.signal.max(axis=0))
+    level = np.maximum(photo.signal, chart_equations.DARK_SHARE * photo.signal.max(axis=0))
     colours = np.einsum("ij,ik,kc->icjk", np.eye(patches), 1 / level, contrasts).reshape(
         -1, residuals.size)
     unit = np.linalg.solve(np.linalg.cholesky(colours @ noise @ colours.T), colours)

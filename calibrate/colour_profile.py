@@ -13,14 +13,7 @@ from typing import Annotated
 
 import numpy as np
 
-from spectrabox.radiometry.appearance import (
-    BRADFORD,
-    TO_SRGB,
-    adapted_tristimulus,
-    ciede2000,
-    lab_from_xyz,
-    tristimulus_weights,
-)
+from spectrabox.radiometry import appearance
 from spectrabox.radiometry.errors import CalibrationError
 from spectrabox.radiometry.records.spectra import WavelengthGrid
 from spectrabox.radiometry.shaped import Record
@@ -50,7 +43,7 @@ class ColourTransform(Record):
 
     def lab(self, signals: np.ndarray) -> np.ndarray:
         """L*, a*, b* (..., 3) under D50, as ``xyz``."""
-        return lab_from_xyz(self.xyz(signals), D50)
+        return appearance.lab_from_xyz(self.xyz(signals), D50)
 
 
 def d50_weights(grid: WavelengthGrid) -> np.ndarray:
@@ -60,7 +53,7 @@ def d50_weights(grid: WavelengthGrid) -> np.ndarray:
     ----------
     grid : WavelengthGrid
     """
-    weights = tristimulus_weights(grid.nm, "D50")
+    weights = appearance.tristimulus_weights(grid.nm, "D50")
     return np.asarray(weights * (D50 / weights.sum(axis=1))[:, None])
 
 
@@ -134,10 +127,10 @@ def stated_transform(camera_from_xyz: np.ndarray) -> ColourTransform:
     camera_from_xyz : (3, 3) array
         From X, Y, Z to R, G, B in daylight, of any scale.
     """
-    white = np.linalg.solve(TO_SRGB, np.ones(3))
+    white = np.linalg.solve(appearance.TO_SRGB, np.ones(3))
     to_xyz = np.linalg.inv(camera_from_xyz / (camera_from_xyz @ white)[:, None])
-    gains = (BRADFORD @ D50) / (BRADFORD @ white)
-    adapted = np.linalg.solve(BRADFORD, gains[:, None] * (BRADFORD @ to_xyz))
+    gains = (appearance.BRADFORD @ D50) / (appearance.BRADFORD @ white)
+    adapted = np.linalg.solve(appearance.BRADFORD, gains[:, None] * (appearance.BRADFORD @ to_xyz))
     return ColourTransform(np.eye(3), adapted)
 
 
@@ -153,8 +146,8 @@ def colour_errors(transform: ColourTransform, response: np.ndarray, reflectances
     reflectances : (n, P) array
     grid : WavelengthGrid
     """
-    true = lab_from_xyz(reflectances @ d50_weights(grid).T, D50)
-    return ciede2000(transform.lab(reflectances @ response.T), true)
+    true = appearance.lab_from_xyz(reflectances @ d50_weights(grid).T, D50)
+    return appearance.ciede2000(transform.lab(reflectances @ response.T), true)
 
 
 def _exponents(degree: int) -> np.ndarray:
@@ -176,8 +169,8 @@ def _terms(signals: np.ndarray, exponents: np.ndarray) -> np.ndarray:
 def _weights(xyz: np.ndarray) -> np.ndarray:
     """Derivatives (n, 3, 3) of L*, a*, b* by X, Y, Z, chroma and lightness as CIEDE2000 weighs."""
     lighter = np.maximum(xyz, DARKEST * D50)
-    lab = lab_from_xyz(lighter, D50)
-    derivative = np.stack([(lab_from_xyz(lighter + STEP * one, D50) - lab) / STEP
+    lab = appearance.lab_from_xyz(lighter, D50)
+    derivative = np.stack([(appearance.lab_from_xyz(lighter + STEP * one, D50) - lab) / STEP
                            for one in np.eye(3)], axis=2)
     lightness = 1 + 0.015 * (lab[:, 0] - 50)**2 / np.sqrt(20 + (lab[:, 0] - 50)**2)
     chroma = 1 + 0.045 * np.hypot(lab[:, 1], lab[:, 2])
@@ -230,12 +223,12 @@ def target(name: str, grid: WavelengthGrid, fitted: np.ndarray,
         Reflectances of the chart.
     judged : tuple of (n, P) arrays
     """
-    to_xyz = tristimulus_weights(grid.nm, name)
-    to_d65 = adapted_tristimulus(grid.nm, name)
+    to_xyz = appearance.tristimulus_weights(grid.nm, name)
+    to_d65 = appearance.adapted_tristimulus(grid.nm, name)
     # D50 by the same adaptation: linear, so that white stays white
-    gains = BRADFORD @ D50 / (BRADFORD @ to_d65.sum(axis=1))
-    to_d50 = np.linalg.solve(BRADFORD, gains[:, None] * BRADFORD) @ to_d65
-    labs = tuple(lab_from_xyz(each @ to_d50.T, D50) for each in judged)
+    gains = appearance.BRADFORD @ D50 / (appearance.BRADFORD @ to_d65.sum(axis=1))
+    to_d50 = np.linalg.solve(appearance.BRADFORD, gains[:, None] * appearance.BRADFORD) @ to_d65
+    labs = tuple(appearance.lab_from_xyz(each @ to_d50.T, D50) for each in judged)
     return Target(light(name, grid) * grid.weights_nm, fitted, fitted @ to_xyz.T,
                   fitted @ to_d50.T, to_xyz.sum(axis=1), judged, labs)
 
@@ -253,7 +246,7 @@ def matrices(curves: np.ndarray, aim: Target) -> IlluminantMatrices:
     colour = np.linalg.lstsq(aim.fitted_xyz, signals, rcond=None)[0].T
     colour = colour / (colour @ aim.white_xyz).max()
     forward = _white_keeping(signals / white, aim.fitted_d50)
-    errors = tuple(float(np.mean(ciede2000(lab_from_xyz(
+    errors = tuple(float(np.mean(appearance.ciede2000(appearance.lab_from_xyz(
         (each @ response.T / white) @ forward.T, D50), lab)))
         for each, lab in zip(aim.judged, aim.judged_lab, strict=True))
     return IlluminantMatrices(colour, forward, errors)

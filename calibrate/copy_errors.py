@@ -17,7 +17,7 @@ from typing import Annotated
 import numpy as np
 from scipy.special import logsumexp
 
-from spectrabox.radiometry.charts.classic_copies import ChartCopies
+from spectrabox.radiometry.charts.references import ChartCopies
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records.spectra import WavelengthGrid
 from spectrabox.radiometry.shaped import Record

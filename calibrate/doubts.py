@@ -28,23 +28,13 @@ from typing import Annotated
 
 import numpy as np
 
-from spectrabox.calibrate.chart_consistency import disagreement_of_bands
 from spectrabox.calibrate.chart_equations import ChartEquations
+from spectrabox.calibrate.chart_photo import disagreement_of_bands
 from spectrabox.calibrate.colour_drift import ColourDrift
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.learnt_prior import UNLIKE
-from spectrabox.calibrate.products.lamps import Lamps, all_lamps, likeness
-from spectrabox.calibrate.products.product_fit import (
-    SEED,
-    kind_probabilities,
-    share_of_lamps,
-)
-from spectrabox.calibrate.products.product_posterior import (
-    ProductPosterior,
-    evidence_of_products,
-    posterior_of_products,
-)
-from spectrabox.calibrate.products.product_prior import product_prior
+from spectrabox.calibrate.products import product_fit, product_posterior
+from spectrabox.calibrate.products.lamps import Lamps, all_lamps, likeness, product_prior
 from spectrabox.calibrate.sensitivity import PriorFit
 from spectrabox.radiometry.appearance import tristimulus
 from spectrabox.radiometry.chart import chart_reflectances
@@ -131,10 +121,12 @@ def evidence_on_spectrum(stated: str, photo: ChartEquations, cameras: CameraPrio
     spectrum, unlit = photo.power / grid.weights_nm, [replace(photo, power=grid.weights_nm)]
     alone = Lamps((spectrum / spectrum.mean())[None], np.array([UNKNOWN_KIND]), np.ones(1),
                   ("stated",))
-    of_any = posterior_of_products(unlit, product_prior(cameras, all_lamps(), SEED))
-    of_stated = evidence_of_products(unlit, product_prior(cameras, alone, SEED))
+    of_any = product_posterior.posterior_of_products(
+        unlit, product_prior(cameras, all_lamps(), product_fit.SEED))
+    of_stated = product_posterior.evidence_of_products(
+        unlit, product_prior(cameras, alone, product_fit.SEED))
     return LightEvidence(stated, of_any.log_evidence - of_stated, CONTRADICTS, LIGHT_KINDS,
-                         kind_probabilities(of_any))
+                         product_fit.kind_probabilities(of_any))
 
 
 def evidence_on_kind(light: UnknownLight, photos: list[ChartEquations],
@@ -148,12 +140,13 @@ def evidence_on_kind(light: UnknownLight, photos: list[ChartEquations],
         Of one camera under one light, see ``fit_products`` on their ``power``.
     cameras : CameraPrior
     """
-    posterior = posterior_of_products(photos, product_prior(cameras, all_lamps(), SEED))
+    posterior = product_posterior.posterior_of_products(
+        photos, product_prior(cameras, all_lamps(), product_fit.SEED))
     return LightEvidence(light.stated, nats_against(posterior, light), KIND_CONTRADICTS,
-                         LIGHT_KINDS, kind_probabilities(posterior))
+                         LIGHT_KINDS, product_fit.kind_probabilities(posterior))
 
 
-def nats_against(posterior: ProductPosterior, light: UnknownLight) -> float:
+def nats_against(posterior: product_posterior.ProductPosterior, light: UnknownLight) -> float:
     """How much less probable the lamps that a light may be are with a photo than without.
 
     Parameters
@@ -165,7 +158,7 @@ def nats_against(posterior: ProductPosterior, light: UnknownLight) -> float:
     """
     lamps = posterior.prior.lamps
     like = likeness(lamps, light)
-    return float(np.log(lamps.weights @ like / share_of_lamps(posterior, like)))
+    return float(np.log(lamps.weights @ like / product_fit.share_of_lamps(posterior, like)))
 
 
 def matrix_deviation(camera_from_xyz: np.ndarray, curves: np.ndarray,

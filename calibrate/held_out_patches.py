@@ -17,12 +17,7 @@ from typing import Annotated
 import numpy as np
 from scipy.special import chdtrc
 
-from spectrabox.calibrate.chart_equations import (
-    ChartEquations,
-    PatchError,
-    noise_covariance,
-    variance_of_clipped,
-)
+from spectrabox.calibrate import chart_equations
 from spectrabox.radiometry.shaped import Record
 
 ROUND_OFF = 1e-6        # relative, of signals in single precision
@@ -61,7 +56,7 @@ class PatchesWithout(Record):
         patch that has none, in all), rms over them: by the bands that can be read, and had the fit
         used the clipped ones as well.
         """
-        lost = variance_of_clipped(self.clipped, self.signal)
+        lost = chart_equations.variance_of_clipped(self.clipped, self.signal)
         without = self.error_covariance(reflectances) - self.noise - lost
         bands = self.clipped | ~self.clipped.any(axis=1, keepdims=True)
         errors = []
@@ -103,7 +98,8 @@ class PatchesWithout(Record):
         # What is known exactly has a variance of 0, which rounding may take below.
         values, vectors = np.linalg.eigh((predicted + predicted.transpose(0, 2, 1)) / 2)
         predicted = (vectors * np.maximum(values, 0)[:, None]) @ vectors.transpose(0, 2, 1)
-        return np.asarray(predicted + self.noise + variance_of_clipped(self.clipped, self.signal))
+        return np.asarray(predicted + self.noise
+                          + chart_equations.variance_of_clipped(self.clipped, self.signal))
 
 
 def weights_without(inverse: np.ndarray, weighted: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -138,7 +134,8 @@ def covariance_without(covariance: np.ndarray, gain: np.ndarray, inverse: np.nda
                                                                    gain[:, rows].T))
 
 
-def patch_moments(photo: ChartEquations, patch: int, state: np.ndarray, covariance: np.ndarray,
+def patch_moments(photo: chart_equations.ChartEquations, patch: int, state: np.ndarray,
+                  covariance: np.ndarray,
                   basis: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Coefficients (K, N), offset (K,) and covariance (D, D) of one patch, see ``PatchesWithout``.
 
@@ -177,8 +174,9 @@ def patch_moments(photo: ChartEquations, patch: int, state: np.ndarray, covarian
     return curves, offset, moved
 
 
-def gathered(photos: list[ChartEquations], basis: np.ndarray, error: PatchError,
-             patches: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> PatchesWithout:
+def gathered(photos: list[chart_equations.ChartEquations], basis: np.ndarray,
+             error: chart_equations.PatchError, patches: list[tuple[np.ndarray, np.ndarray,
+                                                                    np.ndarray]]) -> PatchesWithout:
     """The record of patches from ``patch_moments`` of each.
 
     Parameters
@@ -192,11 +190,13 @@ def gathered(photos: list[ChartEquations], basis: np.ndarray, error: PatchError,
     """
     coefficients, offset, covariance = (np.array(column) for column in zip(*patches, strict=True))
     covariance.flags.writeable = False      # else the record would copy it
-    return PatchesWithout(basis, photos[0].power, coefficients, offset, covariance,
-                          np.concatenate([photo.signal for photo in photos]),
-                          np.concatenate([noise_covariance(dataclasses.replace(photo, clipped=None),
-                                                           error) for photo in photos]),
-                          np.concatenate([~photo.readable for photo in photos]))
+    return PatchesWithout(
+        basis, photos[0].power, coefficients, offset, covariance,
+        np.concatenate([photo.signal for photo in photos]),
+        np.concatenate([
+            chart_equations.noise_covariance(dataclasses.replace(photo, clipped=None), error)
+            for photo in photos
+        ]), np.concatenate([~photo.readable for photo in photos]))
 
 
 def in_chart_order(without: PatchesWithout, used: np.ndarray) -> PatchesWithout:

@@ -25,7 +25,7 @@ from scipy.optimize import least_squares
 
 from spectrabox.calibrate.geometry.lens import Lens, pinhole
 from spectrabox.calibrate.geometry.projection import image_rays
-from spectrabox.radiometry.checked_tables import ListOf, Table, checked, read_toml
+from spectrabox.radiometry import checked_tables
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.shaped import Record
@@ -279,23 +279,24 @@ CELLS = 64              # along the rectangle's longer side, of which each is on
 MIN_CELLS = 200
 MAX_SATURATED = 0.02    # of the rectangle
 Length = Annotated[float, Field(ge=0.1, le=100_000)]
-Pair = Annotated[ListOf[float], Field(min_length=2, max_length=2)]
-Point = Annotated[ListOf[float], Field(min_length=3, max_length=3)]
+Pair = Annotated[checked_tables.ListOf[float], Field(min_length=2, max_length=2)]
+Point = Annotated[checked_tables.ListOf[float], Field(min_length=3, max_length=3)]
 
 
-class WallTable(Table):
+class WallTable(checked_tables.Table):
     """A file that says where rectangle and lamp are; lengths in millimetres."""
 
-    corners_px: Annotated[ListOf[Pair], Field(min_length=4, max_length=4)] = Field(
+    corners_px: Annotated[checked_tables.ListOf[Pair], Field(min_length=4, max_length=4)] = Field(
         description="corners of the rectangle in pixels of the photo, going round from the one "
         "that is top left on the wall: top left, top right, bottom right, bottom left")
-    size_mm: Annotated[ListOf[Length], Field(min_length=2, max_length=2)] = Field(
+    size_mm: Annotated[checked_tables.ListOf[Length], Field(min_length=2, max_length=2)] = Field(
         description="[width, height] of the rectangle")
     lamp_at_mm: Point = Field(description="[x, y, z] of the middle of the lamp's opening: to the "
                               "right and up from the rectangle's lower left corner, out of the "
                               "wall")
-    lamp_size_mm: Annotated[ListOf[Length], Field(min_length=2, max_length=2)] = Field(
-        description="[width, height] of its opening")
+    lamp_size_mm: Annotated[checked_tables.ListOf[Length],
+                            Field(min_length=2, max_length=2)] = Field(
+                                description="[width, height] of its opening")
     lamp_look_at_mm: Pair | None = Field(None, description="[x, y] on the wall that it is aimed "
                                          "at; straight ahead where left out")
     lamp_error_mm: float = Field(3.0, ge=0, le=1000, description="standard error of lamp_at_mm "
@@ -344,7 +345,7 @@ def read_wall(path: Path) -> WallTable:
     InputError
         Naming every key that is unknown, missing or wrong.
     """
-    return checked(WallTable, read_toml(path, ADVICE), path.name)
+    return checked_tables.checked(WallTable, checked_tables.read_toml(path, ADVICE), path.name)
 
 
 def wall_cells(photo: LinearImage, wall: WallTable, lens: Lens | None = None) -> WallCells:

@@ -25,8 +25,8 @@ from spectrabox.calibrate.products.lamps import (
 )
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.records import spectra
 from spectrabox.radiometry.records.photos import PatchSamples
-from spectrabox.radiometry.records.spectra import Spectrum, UnknownLight, WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 
@@ -56,7 +56,7 @@ class LightDeparture(Record):
             "kelvin": float(colour_temperatures(self.spectrum[None])[0])})
 
 
-def light_terms(light: Spectrum, grid: WavelengthGrid) -> np.ndarray | None:
+def light_terms(light: spectra.Spectrum, grid: spectra.WavelengthGrid) -> np.ndarray | None:
     """How the logarithm of the true light departs from that of a stated one.
 
     Parameters
@@ -75,7 +75,8 @@ def light_terms(light: Spectrum, grid: WavelengthGrid) -> np.ndarray | None:
     if kind is None:
         return None
     stated = spectrum_on_grid(light, FINE_GRID)
-    lamps = lamps_like(UnknownLight(kind, float(colour_temperatures(stated[None])[0])), MIRED_SD)
+    lamps = lamps_like(spectra.UnknownLight(kind, float(colour_temperatures(stated[None])[0])),
+                       MIRED_SD)
     computed = np.array([BY_FORMULA in name for name in lamps.names])  # published are few, and odd
     departures = np.log(lamps.spectra[computed] / stated)
     departures -= departures.mean(axis=1, keepdims=True)    # brightness is the exposure's
@@ -89,8 +90,8 @@ def light_terms(light: Spectrum, grid: WavelengthGrid) -> np.ndarray | None:
                      for size, direction in zip(sizes[:kept], directions[:kept], strict=True)]).T
 
 
-def light_departures(posterior: CurvePosterior, lights: Sequence[Spectrum],
-                     grid: WavelengthGrid) -> tuple[LightDeparture, ...]:
+def light_departures(posterior: CurvePosterior, lights: Sequence[spectra.Spectrum],
+                     grid: spectra.WavelengthGrid) -> tuple[LightDeparture, ...]:
     """What a fit infers of every light that may depart from its statement, each light once.
 
     Parameters

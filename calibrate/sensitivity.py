@@ -10,40 +10,11 @@ from typing import Annotated
 
 import numpy as np
 
-from spectrabox.calibrate.chart_consistency import (
-    WORST_CHI_SQUARE,
-    WORST_MODEL_ERROR,
-    require_usable,
-    unlit,
-)
+from spectrabox.calibrate import chart_photo, spline_fit
 from spectrabox.calibrate.chart_equations import ChartEquations, PatchError
 from spectrabox.calibrate.copy_errors import Explained
 from spectrabox.calibrate.held_out_patches import PatchesWithout
-from spectrabox.calibrate.prior.camera_prior import CameraPrior, shipped_prior
-from spectrabox.calibrate.prior.curve_posterior import (
-    CurveMoments,
-    PhotoState,
-    camera_alone,
-    curve_moments,
-    curve_variance,
-    photo_states,
-    prior_share,
-    relit,
-)
-from spectrabox.calibrate.prior.plain_priors import smooth_prior
-from spectrabox.calibrate.prior.prior_fit import (
-    MODEL_ERRORS,
-    CurvePosterior,
-    held_out_signals,
-    posterior_of_curves,
-)
-from spectrabox.calibrate.spline_fit import (
-    SPLINE_COEFFICIENTS,
-    SPLINE_METHODS,
-    BandFits,
-    condition_number,
-    fit_bands,
-)
+from spectrabox.calibrate.prior import camera_prior, curve_posterior, prior_fit
 from spectrabox.radiometry.covariance import block_diagonal
 from spectrabox.radiometry.errors import CalibrationError, InputError
 from spectrabox.radiometry.records.calibration import LightScale, SensitivityFit
@@ -51,7 +22,7 @@ from spectrabox.radiometry.records.photos import PatchSamples
 from spectrabox.radiometry.records.spectra import Outcome, WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 
-METHODS = ("prior", *SPLINE_METHODS)
+METHODS = ("prior", *spline_fit.SPLINE_METHODS)
 CHART_ERROR = 0.01           # relative: one chart against the published average
 FLOOR = 0.005                # of the brightest patch: stray light and black level
 DIM_PATCH = 0.03             # of the brightest patch: darker ones say nothing of relative errors
@@ -63,8 +34,8 @@ class PriorFit(Record):
     """The joint estimate; ``photos`` and ``held_out`` are in the order of the photos given."""
 
     sensitivity: SensitivityFit
-    posterior: CurvePosterior
-    photos: tuple[PhotoState, ...]
+    posterior: prior_fit.CurvePosterior
+    photos: tuple[curve_posterior.PhotoState, ...]
     held_out: tuple[np.ndarray, ...]                # (I, K) signals predicted from other patches
     prior_share: Annotated[np.ndarray, "K P"]       # of the prior's standard deviation, left; 0-1
     families: tuple[tuple[str, float], ...]         # members and probability, likeliest first
@@ -81,10 +52,11 @@ class PriorFit(Record):
     @property
     def disagrees(self) -> bool:
         """Whether no camera explains the photos."""
-        return self.model_error > WORST_MODEL_ERROR or self.chi_square > WORST_CHI_SQUARE
+        return self.model_error > chart_photo.WORST_MODEL_ERROR \
+            or self.chi_square > chart_photo.WORST_CHI_SQUARE
 
 
-def default_prior(photos: list[ChartEquations], grid: WavelengthGrid) -> CameraPrior:
+def default_prior(photos: list[ChartEquations], grid: WavelengthGrid) -> camera_prior.CameraPrior:
     """The shipped prior where it has the photos' number of bands, else one of smoothness alone.
 
     Parameters
@@ -93,11 +65,12 @@ def default_prior(photos: list[ChartEquations], grid: WavelengthGrid) -> CameraP
     grid : WavelengthGrid
         Working grid, of P wavelengths.
     """
-    shipped = shipped_prior()
-    return shipped if photos[0].signal.shape[1] == shipped.bands else smooth_prior(photos, grid)
+    shipped = camera_prior.shipped_prior()
+    return shipped if photos[0].signal.shape[1] == shipped.bands else camera_prior.smooth_prior(
+        photos, grid)
 
 
-def require_fit_for(photos: list[ChartEquations], prior: CameraPrior) -> None:
+def require_fit_for(photos: list[ChartEquations], prior: camera_prior.CameraPrior) -> None:
     """Refuse photos that no fit with a prior can use.
 
     Parameters
@@ -113,15 +86,16 @@ def require_fit_for(photos: list[ChartEquations], prior: CameraPrior) -> None:
         If the prior's cameras have another number of bands than the photos.
     """
     for photo in photos:
-        require_usable(photo.signal, filtered=photo.filter is not None)
+        chart_photo.require_usable(photo.signal, filtered=photo.filter is not None)
         if photo.signal.shape[1] != prior.bands:
             raise InputError(f"the prior is for cameras of {prior.bands} bands, the photo has "
                              f"{photo.signal.shape[1]}; give a prior made from such cameras, or "
                              "none")
 
 
-def fit_with_prior(photos: list[ChartEquations], prior: CameraPrior, grid: WavelengthGrid, *,
-                   model_errors: tuple[float, ...] = MODEL_ERRORS,
+def fit_with_prior(photos: list[ChartEquations], prior: camera_prior.CameraPrior,
+                   grid: WavelengthGrid, *, model_errors: tuple[float,
+                                                                ...] = prior_fit.MODEL_ERRORS,
                    excluded: ChartEquations | None = None) -> PriorFit:
     """Curves, exposure, field and glare from chart photos of one camera, with calibrated errors.
 
@@ -146,14 +120,18 @@ def fit_with_prior(photos: list[ChartEquations], prior: CameraPrior, grid: Wavel
         If the prior holds another number of bands than the photos.
     """
     require_fit_for(photos, prior)
-    posterior = posterior_of_curves(photos, prior, grid, model_errors=model_errors)
-    held_out, chi_square, without, explained = held_out_signals(photos, prior, grid, posterior,
-                                                                excluded)
-    moments = curve_moments(posterior, prior.bands)
-    states = photo_states(posterior, relit(posterior, photos), moments)
-    alone = camera_alone(posterior, prior.bands)
-    shares = prior_share(alone, prior, curve_moments(alone, prior.bands))
-    shares[:, np.all([unlit(photo.power / grid.weights_nm) for photo in photos], axis=0)] = 1.0
+    posterior = prior_fit.posterior_of_curves(photos, prior, grid, model_errors=model_errors)
+    held_out, chi_square, without, explained = prior_fit.held_out_signals(
+        photos, prior, grid, posterior, excluded)
+    moments = curve_posterior.curve_moments(posterior, prior.bands)
+    states = curve_posterior.photo_states(posterior, curve_posterior.relit(posterior, photos),
+                                          moments)
+    alone = curve_posterior.camera_alone(posterior, prior.bands)
+    shares = curve_posterior.prior_share(alone, prior,
+                                         curve_posterior.curve_moments(alone, prior.bands))
+    shares[:,
+           np.all([chart_photo.unlit(photo.power / grid.weights_nm)
+                   for photo in photos], axis=0)] = 1.0
     fit = sensitivity_fit(photos[0], posterior, moments, states[0].predicted, held_out[0], grid,
                           f"joint estimate with a Gaussian mixture prior ({prior.source})")
     order = np.argsort(-posterior.families)
@@ -162,9 +140,9 @@ def fit_with_prior(photos: list[ChartEquations], prior: CameraPrior, grid: Wavel
                     posterior.model_error, chi_square, without, explained)
 
 
-def sensitivity_fit(photo: ChartEquations, posterior: CurvePosterior, moments: CurveMoments,
-                    predicted: np.ndarray, held_out: np.ndarray, grid: WavelengthGrid,
-                    method: str) -> SensitivityFit:
+def sensitivity_fit(photo: ChartEquations, posterior: prior_fit.CurvePosterior,
+                    moments: curve_posterior.CurveMoments, predicted: np.ndarray,
+                    held_out: np.ndarray, grid: WavelengthGrid, method: str) -> SensitivityFit:
     """Curves of largest value 1 from a posterior, with their errors and one photo's residuals.
 
     Parameters
@@ -180,17 +158,19 @@ def sensitivity_fit(photo: ChartEquations, posterior: CurvePosterior, moments: C
     method : str
         In words, for the report.
     """
-    error = np.sqrt(curve_variance(posterior.basis, moments.covariance, len(moments.coefficients)))
+    error = np.sqrt(
+        curve_posterior.curve_variance(posterior.basis, moments.covariance,
+                                       len(moments.coefficients)))
     return SensitivityFit(grid, moments.coefficients @ posterior.basis.T, posterior.basis,
                           moments.coefficients, moments.covariance, error,
                           1 - predicted / photo.signal, 1 - held_out / photo.signal,
-                          condition_number(photo.reflectances * photo.power, grid), method,
-                          Outcome.CONVERGED)
+                          spline_fit.condition_number(photo.reflectances * photo.power,
+                                                      grid), method, Outcome.CONVERGED)
 
 
 def fit_sensitivities(patches: PatchSamples, reflectances: np.ndarray, light: np.ndarray,
                       irradiance: np.ndarray, grid: WavelengthGrid,
-                      coefficients: int = SPLINE_COEFFICIENTS, *, method: str,
+                      coefficients: int = spline_fit.SPLINE_COEFFICIENTS, *, method: str,
                       used: np.ndarray | None = None
                       ) -> tuple[SensitivityFit, LightScale, PatchesWithout]:
     """Sensitivities of largest value 1 by splines, band after band, and the factor divided out.
@@ -229,14 +209,14 @@ def fit_sensitivities(patches: PatchSamples, reflectances: np.ndarray, light: np
     InputError
         If the method is not known.
     """
-    if method not in SPLINE_METHODS:
+    if method not in spline_fit.SPLINE_METHODS:
         raise InputError(f"method {method!r} is not known; known are {', '.join(METHODS)}")
     used = np.ones(len(patches.mean), bool) if used is None else used
-    require_usable(patches.mean[used])
+    chart_photo.require_usable(patches.mean[used])
     readable = used[:, None] & ~patches.clipped
     rows = reflectances * (light * grid.weights_nm) * (irradiance / np.pi)[:, None]
     sigma = _patch_sigma(patches)
-    bands = fit_bands(method, rows, patches.mean, sigma, grid, coefficients, readable)
+    bands = spline_fit.fit_bands(method, rows, patches.mean, sigma, grid, coefficients, readable)
     return *_normalised(bands, patches, grid, method), _without(bands, light * grid.weights_nm,
                                                                 irradiance, patches, sigma)
 
@@ -260,7 +240,7 @@ def relative_prediction_covariance(fit_residuals: np.ndarray, patches: PatchSamp
     return used.T @ used / np.sqrt(np.outer(*2 * [readable.sum(axis=0)]))
 
 
-def _normalised(bands: BandFits, patches: PatchSamples, grid: WavelengthGrid,
+def _normalised(bands: spline_fit.BandFits, patches: PatchSamples, grid: WavelengthGrid,
                 method: str) -> tuple[SensitivityFit, LightScale]:
     """Scale fitted bands to a largest value of 1."""
     curves = bands.coefficients @ bands.basis.T
@@ -287,8 +267,8 @@ def _normalised(bands: BandFits, patches: PatchSamples, grid: WavelengthGrid,
     return fit, LightScale(peak, float(peak * relative), residuals, "chart photo")
 
 
-def _without(bands: BandFits, power: np.ndarray, irradiance: np.ndarray, patches: PatchSamples,
-             sigma: np.ndarray) -> PatchesWithout:
+def _without(bands: spline_fit.BandFits, power: np.ndarray, irradiance: np.ndarray,
+             patches: PatchSamples, sigma: np.ndarray) -> PatchesWithout:
     """Patches left out of spline fits, whose exposure is that of the curves; no glare is fitted."""
     factor = irradiance / np.pi
     count, number = patches.mean.shape

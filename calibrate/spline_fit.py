@@ -17,8 +17,8 @@ from typing import Annotated
 
 import numpy as np
 
-from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import CalibrationError
+from spectrabox.radiometry.grid import basis_matrix
 from spectrabox.radiometry.records.spectra import WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 

@@ -5,13 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from spectrabox.calibrate.chart_consistency import refuse_disagreement, wavelength_ranges
 from spectrabox.calibrate.chart_equations import ChartEquations
-from spectrabox.calibrate.prior.camera_prior import CameraPrior
-from spectrabox.calibrate.prior.plain_priors import prior_about
+from spectrabox.calibrate.chart_photo import refuse_disagreement, wavelength_ranges
+from spectrabox.calibrate.prior.camera_prior import CameraPrior, prior_about
 from spectrabox.calibrate.prior.prior_fit import posterior_of_curves
 from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
-from spectrabox.radiometry.appearance import ciede2000, decode_srgb, lab_from_xyz, tristimulus
+from spectrabox.radiometry import appearance
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.records.spectra import WavelengthGrid
@@ -39,8 +38,8 @@ def chart_colour_differences(measured: np.ndarray, predicted: np.ndarray, reflec
     measured, predicted, reflectances, grid
         As of ``chart_colours``.
     """
-    white = tristimulus(grid.nm, np.ones(grid.nm.size))
-    return ciede2000(*(lab_from_xyz(xyz, white) for xyz in chart_colours(
+    white = appearance.tristimulus(grid.nm, np.ones(grid.nm.size))
+    return appearance.ciede2000(*(appearance.lab_from_xyz(xyz, white) for xyz in chart_colours(
         measured, predicted, reflectances, grid)))
 
 
@@ -59,7 +58,7 @@ def chart_colours(measured: np.ndarray, predicted: np.ndarray, reflectances: np.
     grid : WavelengthGrid
         Working grid, of P wavelengths.
     """
-    true = np.array([tristimulus(grid.nm, reflectance) for reflectance in reflectances])
+    true = np.array([appearance.tristimulus(grid.nm, reflectance) for reflectance in reflectances])
     usable = np.isfinite(predicted).all(axis=1) & np.isfinite(measured).all(axis=1)
     size = np.linalg.norm(predicted[usable], axis=0)
     few = predicted.shape[1] <= COLOURS
@@ -93,7 +92,7 @@ def other_reading(photo: ChartEquations, prior: CameraPrior, grid: WavelengthGri
         "turned by 180 degrees": photo.signal[order[::-1, ::-1].ravel()],
         "bands in reverse order (BGR)": photo.signal[:, ::-1],
         # white is taken to read 0.95 of full scale
-        "an encoded (sRGB) picture instead of a linear one": decode_srgb(
+        "an encoded (sRGB) picture instead of a linear one": appearance.decode_srgb(
             0.95 * photo.signal / photo.signal.max())}
     if (shaded := _without_glare(photo)) is not None:
         readings["a photo with much glare, or with a wrong black level,"] = shaded

@@ -23,12 +23,7 @@ from spectrabox.capture.chart.chart_agreement import TYPICAL_SIGNALS
 from spectrabox.capture.chart.quality import ChartVerdict, judge_chart
 from spectrabox.measure import rules, texts
 from spectrabox.measure.captured import LitChart
-from spectrabox.measure.results.calibration_facts import (
-    checks,
-    copy_facts,
-    held_out_facts,
-    posterior_facts,
-)
+from spectrabox.measure.results import calibration_facts
 from spectrabox.measure.steps import chart_fit
 from spectrabox.radiometry.chart import (
     CLASSIC,
@@ -39,22 +34,16 @@ from spectrabox.radiometry.charts.references import published_signals, reference
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding, Severity, faults, worst
 from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.records import spectra
 from spectrabox.radiometry.records.calibration import HeldOutPatches, SensitivityFit
 from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PatchSamples
-from spectrabox.radiometry.records.spectra import (
-    PRODUCTS,
-    Spectrum,
-    UnknownLight,
-    WavelengthGrid,
-    default_band_names,
-)
 
 Stated = TypeVar("Stated")
 ERROR_PREFIX = "standard_error"   # before a band's name, of a column of errors
 
 
 def chart_signals(chart: Chart, reflectances: np.ndarray | None,
-                  grid: WavelengthGrid) -> np.ndarray:
+                  grid: spectra.WavelengthGrid) -> np.ndarray:
     """Signals (I, 3) by which a chart is known in a photo whose light is not.
 
     Parameters
@@ -70,7 +59,8 @@ def chart_signals(chart: Chart, reflectances: np.ndarray | None,
             else typical_camera_signals(reflectances, grid))
 
 
-def measure_chart(photo: LinearImage, chart: Chart, reflectances: np.ndarray, grid: WavelengthGrid,
+def measure_chart(photo: LinearImage, chart: Chart, reflectances: np.ndarray,
+                  grid: spectra.WavelengthGrid,
                   corners_px: np.ndarray | None = None) -> PatchSamples:
     """Signals of the patches of a chart in a photo.
 
@@ -110,7 +100,7 @@ def chart_in_photo(photo: LinearImage, chart: Chart, reflectances: np.ndarray,
                    corners_px: np.ndarray | None = None) -> ChartSignals:
     """The patches of a chart in a photo, as `measure_chart` takes them on FINE_GRID."""
     samples = measure_chart(photo, chart, reflectances, FINE_GRID, corners_px)
-    return ChartSignals(photo.source, samples, default_band_names(photo.signal.shape[2]))
+    return ChartSignals(photo.source, samples, spectra.default_band_names(photo.signal.shape[2]))
 
 
 def judged_chart(photo: LinearImage, chart: Chart, reference: str | None,
@@ -159,7 +149,7 @@ class CameraCapture:
     """
 
     shown: tuple[ChartSignals, ...]
-    lights: tuple[Spectrum | UnknownLight, ...]
+    lights: tuple[spectra.Spectrum | spectra.UnknownLight, ...]
     charts: tuple[LitChart, ...]
     irradiance: np.ndarray | None = None
     lamp_position_error: float = 0.0
@@ -244,7 +234,7 @@ class CameraFit:
     @property
     def checks(self) -> tuple[str, ...]:
         """What was found, in sentences: the light first, then chart and colour matrix."""
-        return tuple(checks(self.findings))
+        return tuple(calibration_facts.checks(self.findings))
 
     @property
     def light(self) -> str:
@@ -255,8 +245,8 @@ class CameraFit:
     def source(self) -> str:
         """Method and light, as a file of the curves states them."""
         method = self.sensitivity.method
-        if self.chart.calibration.products and not method.startswith(PRODUCTS):
-            method = f"{PRODUCTS}: {method}"
+        if self.chart.calibration.products and not method.startswith(spectra.PRODUCTS):
+            method = f"{spectra.PRODUCTS}: {method}"
         return f"{method}, light {self.light}".replace("\n", " ")
 
     def facts(self) -> dict[str, object]:
@@ -281,14 +271,14 @@ class CameraFit:
             "light_scale_standard_error": result.scale.standard_error,
             "method": fit.method, "outcome": fit.outcome, "checks": [*self.checks, *self.notes],
             "findings": [texts.facts(one) for one in self.findings],
-            "left_out": held_out_facts(self.held_out, names),
-            "doubts": checks(faults(result.calibration.findings)),
-            "chart_generation": copy_facts(result.copy, names),
+            "left_out": calibration_facts.held_out_facts(self.held_out, names),
+            "doubts": calibration_facts.checks(faults(result.calibration.findings)),
+            "chart_generation": calibration_facts.copy_facts(result.copy, names),
             "stated_lights": [
                 {"light": one.source, "expected": one.expected, "departs": one.size,
                  "standard_error": one.size_error, "spectrum": one.spectrum}
                 for one in result.departures],
-            "light_posterior": None if known is None else posterior_facts(known)}
+            "light_posterior": None if known is None else calibration_facts.posterior_facts(known)}
         joint = result.prior_fit
         if joint is not None:
             first = joint.photos[0]
@@ -314,9 +304,9 @@ class CameraFit:
         return columns
 
 
-def light_words(light: Spectrum | UnknownLight) -> str:
+def light_words(light: spectra.Spectrum | spectra.UnknownLight) -> str:
     """What is known of a light, in words."""
-    return light.words if isinstance(light, UnknownLight) else light.source
+    return light.words if isinstance(light, spectra.UnknownLight) else light.source
 
 
 def measure_camera(capture: CameraCapture, options: CalibrationOptions,
@@ -343,7 +333,7 @@ def measure_camera(capture: CameraCapture, options: CalibrationOptions,
                    notes=tuple(note for one in capture.shown for note in one.notes))
 
 
-def fit_camera(photos: Sequence[ChartPhoto], grid: WavelengthGrid,
+def fit_camera(photos: Sequence[ChartPhoto], grid: spectra.WavelengthGrid,
                options: CalibrationOptions | None = None, seed: int = 0) -> CameraFit:
     """Sensitivities of a camera from chart photos and the spectra of their lights.
 

@@ -16,20 +16,14 @@ import numpy as np
 from spectrabox.calibrate.geometry.colmap_model import ModelImage
 from spectrabox.calibrate.geometry.lens import Lens
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
-from spectrabox.measure.shoot.options import (
-    Inversion,
-    PictureOptions,
-    Repeatability,
-    Sampling,
-    StrayLight,
-)
+from spectrabox.measure.shoot import options
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.records import spectra
 from spectrabox.radiometry.records.calibration import Filter, LightScale
 from spectrabox.radiometry.records.photos import LinearImage
-from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.reconstruct.scene.box_tables import BoxTable, CameraTable
 from spectrabox.reconstruct.scene.edit_scene import Refinement
@@ -107,7 +101,7 @@ class View:
     name: str                               # empty of the first
     photo: PhotoFiles
     chart: PhotoFiles                       # under the same light; empty where no chart is needed
-    light: Spectrum | UnknownLight          # of its lamp
+    light: spectra.Spectrum | spectra.UnknownLight          # of its lamp
     light_words: str                        # how the lamp was stated
     lamp: str = FIRST_PHOTO                 # title of the first photo that this lamp lights
     # title of the photo for which its lamp was put elsewhere; empty where it stands as in the first
@@ -137,7 +131,7 @@ class View:
     @property
     def light_stated(self) -> bool:
         """Whether the spectrum of its lamp is stated."""
-        return isinstance(self.light, Spectrum)
+        return isinstance(self.light, spectra.Spectrum)
 
     @property
     def spectrum_stated(self) -> bool:
@@ -157,7 +151,7 @@ class View:
             and self.filter_words == other.filter_words
 
     @property
-    def light_of_fit(self) -> Spectrum | UnknownLight:
+    def light_of_fit(self) -> spectra.Spectrum | spectra.UnknownLight:
         """The light that a calibration has of it: its lamp. Its filter is part of the fit."""
         return self.light
 
@@ -169,7 +163,8 @@ class View:
     @property
     def power(self) -> np.ndarray | None:
         """Light (P,) that an ordinary camera would see its chart in, as far as it is known."""
-        power = spectrum_on_grid(self.light, FINE_GRID) if isinstance(self.light, Spectrum) \
+        power = spectrum_on_grid(self.light, FINE_GRID) \
+            if isinstance(self.light, spectra.Spectrum) \
             else None
         if self.filter is None:
             return power
@@ -211,20 +206,20 @@ class SceneView(View):
 
     scene: SceneFile | BoxPhoto
     scene_name: str | None = None           # of its file; None of a box with measures
-    lights_by_id: Mapping[str, Spectrum] = field(default_factory=dict)
+    lights_by_id: Mapping[str, spectra.Spectrum] = field(default_factory=dict)
     lens: Lens | None = None                # by which the photo is undistorted
     scale: LightScale | None = None         # of its light, where it is known beforehand
 
     @property
-    def light_of_fit(self) -> Spectrum | UnknownLight:
+    def light_of_fit(self) -> spectra.Spectrum | spectra.UnknownLight:
         """The light that a calibration has of it: its lamp through its filter."""
         if self.filter is None:
             return self.light
         if not self.spectrum_stated:
-            return UnknownLight()
-        assert isinstance(self.light, Spectrum)
+            return spectra.UnknownLight()
+        assert isinstance(self.light, spectra.Spectrum)
         power = spectrum_on_grid(self.light, FINE_GRID) * self.filter.transmittance
-        return Spectrum(FINE_GRID, power, Quantity.RELATIVE,
+        return spectra.Spectrum(FINE_GRID, power, spectra.Quantity.RELATIVE,
                         f"{self.light.source} through {self.filter_words}")
 
     @property
@@ -240,7 +235,7 @@ class Surface:
     families: tuple[str, ...] = ()          # that it is one of; none where nobody said
     surface: str | None = None              # "matt", "satin" or "glossy"
     known: np.ndarray | None = None         # (P,) measured reflectance, taken as given
-    truth: Spectrum | None = None           # measured, only compared with
+    truth: spectra.Spectrum | None = None           # measured, only compared with
 
     @property
     def given(self) -> np.ndarray | None:
@@ -257,7 +252,7 @@ class Region(Surface):
     known_error: float = READ_ERROR         # relative standard error of ``known``
 
 
-def error_of_known(known: Spectrum) -> float:
+def error_of_known(known: spectra.Spectrum) -> float:
     """Relative standard error of a known reflectance: as it states, else by what it looks like. No
     instrument reads the same number at every wavelength.
 
@@ -287,10 +282,10 @@ class Capture(ABC):
     chart: LitChart | None                  # None where no photo shows one
     development: Development = field(default_factory=Development)
     sensitivity: Sensitivity = field(default_factory=Sensitivity)
-    repeatability: Repeatability = field(default_factory=Repeatability)
-    stray_light: StrayLight = field(default_factory=StrayLight)
-    sampling: Sampling = field(default_factory=Sampling)
-    picture: PictureOptions | None = None
+    repeatability: options.Repeatability = field(default_factory=options.Repeatability)
+    stray_light: options.StrayLight = field(default_factory=options.StrayLight)
+    sampling: options.Sampling = field(default_factory=options.Sampling)
+    picture: options.PictureOptions | None = None
     seed: int = 1
 
     chart_scene: SceneFile | None = None    # light and chart in their positions, where known
@@ -432,7 +427,7 @@ class SceneCapture(Capture):
 
     views: tuple[SceneView, ...]
     materials: Mapping[str, Material]
-    inversion: Inversion = field(default_factory=Inversion)
+    inversion: options.Inversion = field(default_factory=options.Inversion)
     scale_from_chart: bool = True           # else from a material of known spectrum
     # what comments of scenes in files say that was estimated, by the names of the files
     refinements: Mapping[str, tuple[Refinement, ...]] = field(default_factory=dict)

@@ -1,15 +1,117 @@
-"""The patches of a chart in a photo as a table: where they lie, what they read, and how surely."""
+"""A chart by itself: the edition of a ColorChecker that a photo tells, and its patches as a table
+for other programs.
+
+Whether a ColorChecker was made before or since November 2014, as its photo tells.
+
+Camera and light are fitted to the chart together, by either edition; what the photo says for one of
+them is how much better that one explains it, with the differences that copies have in any case.
+"""
+
+
 from __future__ import annotations
 
 import csv
 import io
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from spectrabox.calibrate import chart_findings
+from spectrabox.calibrate.chart_calibration import calibrate_chart
+from spectrabox.calibrate.chart_photo import ChartPhoto
+from spectrabox.measure import texts
 from spectrabox.measure.camera import ERROR_PREFIX
-from spectrabox.radiometry.chart import Chart
-from spectrabox.radiometry.records.photos import ChartDetection, PatchSamples
-from spectrabox.radiometry.records.spectra import default_band_names
+from spectrabox.measure.extras import attempt
+from spectrabox.radiometry.chart import BEFORE_2014, COPIES_SINCE_2014, Chart
+from spectrabox.radiometry.charts.references import editions
+from spectrabox.radiometry.errors import SpectraboxError
+from spectrabox.radiometry.findings import Finding, Severity
+from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.records import photos
+from spectrabox.radiometry.records.spectra import UnknownLight, default_band_names
+
+
+@dataclass(frozen=True)
+class ChartEdition:
+    """What a photo says of the edition of its chart.
+
+    Attributes
+    ----------
+    edition : str or None
+        "since November 2014" or "before November 2014"; None where the photo does not tell.
+    evidence : float or None
+        Nats for the edition since over the one before; None where nothing was compared.
+    finding : Finding
+        The same, or why it cannot be told.
+    failed : Finding or None
+        Where telling it failed.
+    """
+
+    edition: str | None
+    evidence: float | None
+    finding: Finding
+    failed: Finding | None = None
+
+    @property
+    def says(self) -> str:
+        """The finding in a sentence."""
+        return texts.says(self.finding)
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """For JSON."""
+        return {"edition": self.edition, "evidence": self.evidence, "says": self.says,
+                "findings": [texts.facts(self.finding)]}
+
+
+def edition_in_photo(image: photos.LinearImage, chart: Chart,
+                     samples: photos.PatchSamples) -> ChartEdition:
+    """The edition of the chart in a photo, whatever its camera and its light.
+
+    Parameters
+    ----------
+    image : LinearImage
+    chart : Chart
+    samples : PatchSamples
+    """
+    edition, failed = attempt("edition of the chart", lambda: _edition(image, chart, samples), None)
+    if failed is not None:
+        return replace(_not_fitted(failed.values["error"]), failed=failed)
+    assert edition is not None
+    return edition
+
+
+def _edition(image: photos.LinearImage, chart: Chart, samples: photos.PatchSamples) -> ChartEdition:
+    if COPIES_SINCE_2014 not in chart.references:
+        return _not_told(Finding("edition.unpublished", Severity.INFO, values={
+            "chart": chart.name, "any": bool(chart.references)}))
+    if image.kind is photos.PhotoKind.PROCESSED:
+        return _not_told(Finding("edition.processed", Severity.INFO))
+    of = editions(chart, samples.taken_at)
+    if len(of) == 1:
+        return ChartEdition(BEFORE_2014, None, Finding("edition.by-date", Severity.INFO, values={
+            "told": BEFORE_2014, "date": samples.taken_at[:10]}))
+    try:
+        copy = calibrate_chart([ChartPhoto(samples, of[0].mean, UnknownLight(), chart=chart,
+                                           editions=of)], FINE_GRID).copy
+    except SpectraboxError as error:
+        return _not_fitted(str(error))
+    assert copy is not None, "a chart of several editions has a copy"
+    told, nats = chart_findings.edition_told(copy), chart_findings.evidence_since(copy)
+    return ChartEdition(told, nats, Finding("edition.told", Severity.INFO, values={
+        "told": told, "nats": nats, "needed": chart_findings.TOLD}))
+
+
+def _not_told(finding: Finding) -> ChartEdition:
+    return ChartEdition(None, None, finding)
+
+
+def _not_fitted(error: str) -> ChartEdition:
+    return _not_told(Finding("edition.not-fitted", Severity.INFO, values={"error": error}))
+
+
+# ---- the patches of a chart in a photo as a table ------------------------------------------------
 
 CORNERS = ("top_left", "top_right", "bottom_right", "bottom_left")      # of a patch as printed
 # before a band's name, of columns that are no signals, and further ones
@@ -19,7 +121,7 @@ COUNTS = ("pixels", "left_out")
 DIGITS = 7
 
 
-def centres_px(detection: ChartDetection) -> np.ndarray:
+def centres_px(detection: photos.ChartDetection) -> np.ndarray:
     """Centres (I, 2) of the patches in pixels of the photo: where the diagonals of each cross.
 
     Parameters
@@ -34,7 +136,7 @@ def centres_px(detection: ChartDetection) -> np.ndarray:
     return np.asarray(start + share[:, None] * along)
 
 
-def angle_deg(detection: ChartDetection, chart: Chart) -> float:
+def angle_deg(detection: photos.ChartDetection, chart: Chart) -> float:
     """How far a chart is turned clockwise in its photo, -180 to 180: 0 where its first row runs
     from left to right, as printed.
 
@@ -48,7 +150,7 @@ def angle_deg(detection: ChartDetection, chart: Chart) -> float:
     return float(np.degrees(np.arctan2(y, x)))
 
 
-def patch_columns(chart: Chart, detection: ChartDetection, samples: PatchSamples,
+def patch_columns(chart: Chart, detection: photos.ChartDetection, samples: photos.PatchSamples,
                   excluded: np.ndarray) -> dict[str, np.ndarray]:
     """What a photo says of the patches of a chart, a column (I,) each.
 

@@ -15,25 +15,10 @@ from spectrabox.calibrate.chart_findings import edition_told, evidence_since
 from spectrabox.measure import texts
 from spectrabox.measure.captured import Capture
 from spectrabox.measure.results.facts import Fact, columns, known_facts
-from spectrabox.measure.tables import text_table
-from spectrabox.measure.words import percent
+from spectrabox.measure.words import percent, text_table
+from spectrabox.radiometry import error_model
 from spectrabox.radiometry.appearance import reflectance_to_lab
 from spectrabox.radiometry.chart import COPIES_SINCE_2014
-from spectrabox.radiometry.error_model import (
-    FILTER,
-    KNOWN_SURFACES,
-    LAMP_AT_CHART,
-    LIGHT_FIELD,
-    LIGHT_SCALE,
-    LIGHT_SPECTRUM,
-    REPEATABILITY,
-    ROUNDED_EXPOSURES,
-    SAMPLE_PLANE,
-    SCENE_LEVEL,
-    SENSITIVITIES,
-    SURFACE_REFLECTION,
-    WHITE,
-)
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.gloss import SURFACE_WORDS, USUAL
 
@@ -45,10 +30,11 @@ if TYPE_CHECKING:
     from spectrabox.measure.results.surface_result import SurfaceResult
 
 # causes of errors that a condition answers for
-BETWEEN_PHOTOS = (REPEATABILITY, ROUNDED_EXPOSURES)
-LIGHT_CAUSES = (WHITE, LIGHT_FIELD, LIGHT_SCALE, *BETWEEN_PHOTOS)
-PLACE_CAUSES = (SCENE_LEVEL, LAMP_AT_CHART)
-CAMERA_CAUSES = (SENSITIVITIES, LIGHT_SPECTRUM, FILTER)
+BETWEEN_PHOTOS = (error_model.REPEATABILITY, error_model.ROUNDED_EXPOSURES)
+LIGHT_CAUSES = (error_model.WHITE, error_model.LIGHT_FIELD, error_model.LIGHT_SCALE,
+                *BETWEEN_PHOTOS)
+PLACE_CAUSES = (error_model.SCENE_LEVEL, error_model.LAMP_AT_CHART)
+CAMERA_CAUSES = (error_model.SENSITIVITIES, error_model.LIGHT_SPECTRUM, error_model.FILTER)
 # Faults as they happen, by which the cost of a condition is computed.
 GLOSS_FAULT = 0.03          # of the light, mirrored by a glossy surface
 DARKER_FAULT = 0.10         # of the light: soft shadow, a sample some centimetres nearer, a tilt
@@ -252,10 +238,10 @@ def _plane(found: FlatResult) -> Finding:
     if standing is ASSUMED and _cards(found)[1]:
         standing, known_by = _by_cards(found), "known-beside"
     if error is None:
-        error = allowed_error(found.surfaces, (SAMPLE_PLANE,))
+        error = allowed_error(found.surfaces, (error_model.SAMPLE_PLANE,))
     return condition("condition.plane", standing, known_by, error=error, fault="dimmer",
                      fault_size=DARKER_FAULT, lightness=darker_by(found.surfaces, DARKER_FAULT),
-                     variance_share=allowed_share(found.surfaces, (SAMPLE_PLANE,)))
+                     variance_share=allowed_share(found.surfaces, (error_model.SAMPLE_PLANE,)))
 
 
 def _gloss(found: CaptureResult, code: str) -> Finding:
@@ -271,7 +257,7 @@ def _gloss(found: CaptureResult, code: str) -> Finding:
         fault="mirrored",
         fault_size=GLOSS_FAULT,
         lightness=largest_change(surfaces, lambda nm, mean: mean + GLOSS_FAULT),
-        variance_share=allowed_share(surfaces, (SURFACE_REFLECTION,)),
+        variance_share=allowed_share(surfaces, (error_model.SURFACE_REFLECTION,)),
         names=list(stated.surfaces), usual=float(USUAL[SURFACE_WORDS[0]]))
 
 
@@ -343,7 +329,7 @@ def _camera(found: CaptureResult) -> Finding:
 
 
 def _scene_light(found: SceneResult) -> Finding:
-    causes = (*BETWEEN_PHOTOS, KNOWN_SURFACES)
+    causes = (*BETWEEN_PHOTOS, error_model.KNOWN_SURFACES)
     standing, known_by = ASSUMED, "stated-errors"
     if _tied_to_known(found) or not found.scale_from_chart:
         standing, known_by = MEASURED, "known-materials"
@@ -449,9 +435,9 @@ def emitted(nm: np.ndarray, mean: np.ndarray) -> np.ndarray:
 def _mirrored(surfaces: Sequence[SurfaceResult]) -> float | None:
     """Standard error of the share of light that surfaces mirror, of that where it is largest."""
     # the budget is of the bands that show the surface
-    shares = [float(np.max(surface.error_budget[SURFACE_REFLECTION]
+    shares = [float(np.max(surface.error_budget[error_model.SURFACE_REFLECTION]
                            * surface.signal[np.isfinite(surface.signal)]))
-              for surface in surfaces if SURFACE_REFLECTION in surface.error_budget
+              for surface in surfaces if error_model.SURFACE_REFLECTION in surface.error_budget
               and np.isfinite(surface.signal).any()]
     return max(shares, default=None)
 

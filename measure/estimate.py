@@ -19,7 +19,7 @@ from spectrabox.measure.extras import attempt
 from spectrabox.measure.surfaces.colour_comparison import Colour
 from spectrabox.measure.surfaces.surface_signals import with_added
 from spectrabox.measure.surfaces.surface_spectra import Scores, score
-from spectrabox.radiometry.appearance import ciede2000, reflectance_to_lab, reflectance_to_srgb
+from spectrabox.radiometry import appearance
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.files import in_folder, write_text_whole
 from spectrabox.radiometry.findings import Finding
@@ -238,7 +238,7 @@ class Estimate:
     @cached_property
     def srgb(self) -> np.ndarray:
         """Encoded sRGB (3,) of the mean, 0 to 1."""
-        return reflectance_to_srgb(self.nm, self.mean)
+        return appearance.reflectance_to_srgb(self.nm, self.mean)
 
     def lab(self, light: str = "D65") -> Colour:
         """L*, a*, b* (3,) of the mean under a light, 2 degree observer, with standard errors.
@@ -275,9 +275,9 @@ class Estimate:
             nm, drawn = self.nm, self.draws(COLOUR_DRAWS, COLOUR_SEED)
         else:
             nm, drawn = self.samples.grid.nm, self.samples.spectra
-        colours = reflectance_to_lab(nm, drawn)
+        colours = appearance.reflectance_to_lab(nm, drawn)
         mean = np.broadcast_to(self._lab_of("D65", self.mean), colours.shape)
-        off = (ciede2000(colours, mean), np.sqrt(np.mean(
+        off = (appearance.ciede2000(colours, mean), np.sqrt(np.mean(
             (drawn - np.interp(nm, self.nm, self.mean)) ** 2, axis=1)))
         colour, spectrum = np.quantile(off, self._summary.level, axis=1).tolist()
         return colour, spectrum
@@ -322,8 +322,8 @@ class Estimate:
             count = min(len(mine), len(drawn))
             mine = mine[:count]
             drawn = np.random.default_rng(COLOUR_SEED).permutation(drawn)[:count]
-        spread = ciede2000(mine, drawn)
-        return Colour(np.asarray(ciede2000(self._lab_of(light, self.mean), theirs)),
+        spread = appearance.ciede2000(mine, drawn)
+        return Colour(np.asarray(appearance.ciede2000(self._lab_of(light, self.mean), theirs)),
                       np.asarray(spread.std()))
 
     @cached_property
@@ -636,13 +636,13 @@ class Estimate:
         if self.given is not None:
             return self._lab_of(light, self.mean[None])
         if self.samples is not None:
-            return reflectance_to_lab(self.samples.grid.nm, self.samples.spectra, light)
+            return appearance.reflectance_to_lab(self.samples.grid.nm, self.samples.spectra, light)
         return self._lab_of(light, self.draws(COLOUR_DRAWS, COLOUR_SEED))
 
     def _lab_of(self, light: str, spectra: np.ndarray) -> np.ndarray:
         if not isinstance(light, str):
             raise InputError(f"{light!r} is no light: give a CIE name, such as 'D65' or 'A'")
-        return reflectance_to_lab(self.nm, spectra, light)
+        return appearance.reflectance_to_lab(self.nm, spectra, light)
 
     def __repr__(self) -> str:
         if self.given is not None:

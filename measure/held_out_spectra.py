@@ -10,12 +10,12 @@ import numpy as np
 
 from spectrabox.calibrate.chart_calibration import ChartCalibration
 from spectrabox.calibrate.held_out_patches import PatchesWithout
-from spectrabox.measure.surfaces.independent_bands import independent_bands
+from spectrabox.measure.surfaces.colour_comparison import independent_bands
 from spectrabox.measure.surfaces.surface_signals import FEW_BANDS
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records.calibration import HeldOutPatches, share_inside
 from spectrabox.radiometry.records.spectra import WavelengthGrid
-from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior
+from spectrabox.sampling.prior import mixture
 from spectrabox.sampling.prior.summaries import PriorSummaries, summaries
 
 LEVEL = 0.95
@@ -45,7 +45,7 @@ def held_out_patches(calibrated: ChartCalibration, reflectances: np.ndarray
 
 
 def patches_without(without: PatchesWithout, grid: WavelengthGrid, reflectances: np.ndarray,
-                    excluded: np.ndarray, prior: LogitMixture | None = None,
+                    excluded: np.ndarray, prior: mixture.LogitMixture | None = None,
                     saturated: np.ndarray | None = None) -> HeldOutPatches:
     """The same from what fits without each patch say.
 
@@ -61,14 +61,14 @@ def patches_without(without: PatchesWithout, grid: WavelengthGrid, reflectances:
     saturated : (I,) bool array or None
         Patches whose own signal is not known.
     """
-    known = load_prior() if prior is None else prior
+    known = mixture.load_prior() if prior is None else prior
     fine = without.response
     white = fine.sum(axis=2)
-    basis = interpolation_matrix(PRIOR_GRID.nm, grid.nm)
+    basis = interpolation_matrix(mixture.PRIOR_GRID.nm, grid.nm)
     responses = fine @ basis / white[..., None]
     relative = (without.signal - without.offset) / white
     common = responses.mean(axis=0)         # signals are moved to what they would be under it
-    truth = np.array([np.interp(PRIOR_GRID.nm, grid.nm, row) for row in reflectances])
+    truth = np.array([np.interp(mixture.PRIOR_GRID.nm, grid.nm, row) for row in reflectances])
 
     def summarised(signals: np.ndarray, spectra: np.ndarray) -> PriorSummaries:
         """Of signals (I, K) under the common response, their errors by spectra (I, 61)."""
@@ -90,6 +90,6 @@ def patches_without(without: PatchesWithout, grid: WavelengthGrid, reflectances:
                           estimate)
         estimate = each.mean
     exact = summarised(truth @ common.T, truth)
-    return HeldOutPatches(PRIOR_GRID, each.mean, each.lower, each.upper, truth, excluded,
+    return HeldOutPatches(mixture.PRIOR_GRID, each.mean, each.lower, each.upper, truth, excluded,
                           share_inside(exact.lower, exact.upper, truth), LEVEL,
                           *without.deviations(reflectances), saturated)

@@ -4,10 +4,15 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable, Mapping
 
-from spectrabox.capture.develop.bands import bright_channels, stack_bands, strongest_channel
-from spectrabox.capture.develop.developed import develop_photos, open_any
+from spectrabox.capture.develop.developed import (
+    bright_channels,
+    develop_photos,
+    open_any,
+    stack_bands,
+    strongest_channel,
+)
 from spectrabox.capture.photo.stored_images import stated_bands
-from spectrabox.measure.captured import ONE_PHOTO, Capture, InputFile, PhotoFiles
+from spectrabox.measure import captured
 from spectrabox.radiometry.errors import ClippedPhotoError, InputError
 from spectrabox.radiometry.findings import Finding, each_once
 from spectrabox.radiometry.records.photos import LinearImage
@@ -27,12 +32,12 @@ class OpenPhotos:
     capture : Capture
     """
 
-    def __init__(self, capture: Capture) -> None:
+    def __init__(self, capture: captured.Capture) -> None:
         self._capture = capture
-        self._last: tuple[PhotoFiles, LinearImage, tuple[Finding, ...]] | None = None
+        self._last: tuple[captured.PhotoFiles, LinearImage, tuple[Finding, ...]] | None = None
         self._channels: Channels | None = None
 
-    def developed(self, photo: PhotoFiles) -> tuple[LinearImage, tuple[Finding, ...]]:
+    def developed(self, photo: captured.PhotoFiles) -> tuple[LinearImage, tuple[Finding, ...]]:
         """As ``develop``."""
         if self._last is None or self._last[0] != photo:
             self._last = None           # its memory is needed for the next
@@ -43,18 +48,18 @@ class OpenPhotos:
     def channels(self) -> Channels:
         """As ``channels_of_photos``; none of a colour camera's photos."""
         if self._channels is None:
-            self._channels = () if ONE_PHOTO in self._capture.views[0].photo else \
+            self._channels = () if captured.ONE_PHOTO in self._capture.views[0].photo else \
                 channels_of_photos(self._capture)
         return self._channels
 
     def bands(self, photo: LinearImage) -> tuple[str, ...]:
         """Names of the bands of the capture's photos, of which one is given."""
         shown = self._capture.views[0].photo
-        return default_band_names(photo.signal.shape[2]) if ONE_PHOTO in shown else \
+        return default_band_names(photo.signal.shape[2]) if captured.ONE_PHOTO in shown else \
             tuple(_names_of_channels(shown, self.channels))
 
 
-def develop(capture: Capture, photo: PhotoFiles,
+def develop(capture: captured.Capture, photo: captured.PhotoFiles,
             channels: Channels | None = None) -> tuple[LinearImage, tuple[Finding, ...]]:
     """A photo as linear signal, without dark signal and flat-fielded where there are the frames.
 
@@ -74,7 +79,7 @@ def develop(capture: Capture, photo: PhotoFiles,
     image : LinearImage
     findings : tuple of Finding
     """
-    several = ONE_PHOTO not in photo
+    several = captured.ONE_PHOTO not in photo
     channels = (channels_of_photos(capture) if channels is None else channels) if several else ()
     images, findings = list[LinearImage](), list[Finding]()
     for number, (band, files) in enumerate(photo.items()):
@@ -94,21 +99,21 @@ def develop(capture: Capture, photo: PhotoFiles,
     return dataclasses.replace(stacked, exposure_s=shortest), each_once(findings)
 
 
-def _developed_files(capture: Capture, band: str, files: tuple[InputFile, ...],
+def _developed_files(capture: captured.Capture, band: str, files: tuple[captured.InputFile, ...],
                      channels: tuple[int, ...] | None
                      ) -> tuple[LinearImage, tuple[Finding, ...]]:
     """Files of one band: a photo, or a bracket of exposures."""
     if files[0].opened is not None:
         return files[0].opened, files[0].findings
     chosen = capture.development
-    flat = chosen.flat_fields.get(band, chosen.flat_fields.get(ONE_PHOTO))
+    flat = chosen.flat_fields.get(band, chosen.flat_fields.get(captured.ONE_PHOTO))
     return develop_photos([file.path for file in files],
                           [frame.path for frame in chosen.dark_frames],
                           None if flat is None else flat.path, chosen.not_linear, channels,
                           chosen.orientation)
 
 
-def channels_of_photos(capture: Capture) -> Channels:
+def channels_of_photos(capture: captured.Capture) -> Channels:
     """Channels of each photo of a table that see its filter's or lamp's light, the same in all
     photos: a scene of other colours may tip the balance between two. Where curves are stated, one
     for each photo, that is the strongest.
@@ -168,7 +173,7 @@ def require_one_camera(images: Iterable[LinearImage]) -> None:
                              "of another; take all photos, the chart's too, with one camera")
 
 
-def require_curves_of_bands(capture: Capture) -> None:
+def require_curves_of_bands(capture: captured.Capture) -> None:
     """Refuse measured curves whose names say that they are of other bands than an EXR's channels.
 
     Raises
@@ -183,7 +188,7 @@ def require_curves_of_bands(capture: Capture) -> None:
     if stated.curves is None or not curves:
         return
     for view in capture.views:
-        for file in view.photo.get(ONE_PHOTO, ()):
+        for file in view.photo.get(captured.ONE_PHOTO, ()):
             bands = () if file.opened is not None else stated_bands(file.path)
             if bands != curves and {*bands} in LETTERED and {*curves} in LETTERED:
                 raise InputError(

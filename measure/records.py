@@ -11,15 +11,9 @@ import numpy as np
 
 from spectrabox.measure import texts
 from spectrabox.measure.captured import View
-from spectrabox.measure.pictures.pixel_flags import COLOURS, SEEN, WORDS
+from spectrabox.measure.pictures import pixel_errors
 from spectrabox.radiometry.findings import Finding, each_once
-from spectrabox.radiometry.records.calibration import (
-    Calibration,
-    ChartCopy,
-    ChartWhite,
-    HeldOutPatches,
-    PriorInfluence,
-)
+from spectrabox.radiometry.records import calibration
 from spectrabox.radiometry.records.photos import (
     ChartDetection,
     LinearImage,
@@ -80,20 +74,20 @@ class ChartFit(Record):
     irradiance: Annotated[np.ndarray, "I"]      # NaN on patches of which it is not known
     glare: Annotated[np.ndarray, "J"]           # certain veiling glare, of the mean signal; K or 1
     patch_error: Annotated[np.ndarray, "2"] | None      # a PatchError; None without a prior's fit
-    prior: PriorInfluence | None                # None of curves that no prior was used for
-    left_out: HeldOutPatches                    # each patch by a calibration without it
-    copy: ChartCopy | None = None               # None: the chart's reflectances were stated
+    prior: calibration.PriorInfluence | None  # None of curves that no prior was used for
+    left_out: calibration.HeldOutPatches                    # each patch by a calibration without it
+    copy: calibration.ChartCopy | None = None  # None: the chart's reflectances were stated
 
 
 @dataclass(frozen=True, eq=False)
 class CalibrationRecords(Record):
     """What the step "calibrate" makes."""
 
-    calibrations: dict[str, Calibration]        # by view, every one
-    whites: dict[str, ChartWhite]               # by view with a chart, where a prior was fitted
+    calibrations: dict[str, calibration.Calibration]        # by view, every one
+    whites: dict[str, calibration.ChartWhite]  # by view with a chart, where a prior was fitted
     chart: ChartFit | None                      # None where the first view has no chart
     # by view, of charts with a fit of their own: each patch by a calibration without it
-    other_charts: dict[str, HeldOutPatches]
+    other_charts: dict[str, calibration.HeldOutPatches]
     findings: tuple[Finding, ...]               # of charts and lights, beside each calibration's
 
 
@@ -158,9 +152,11 @@ class PictureRecords(Record):
     @property
     def reasons(self) -> list[tuple[str, str, float]]:
         """Words, colour on the map and share of every reason for which a pixel has no spectrum."""
-        return [(words, f"#{bytes(colour).hex()}", share) for code, (words, colour, share)
-                in enumerate(zip(WORDS, COLOURS.tolist(), self.flag_shares.tolist(), strict=True))
-                if code != SEEN and share > 0]
+        return [(words, f"#{bytes(colour).hex()}", share)
+                for code, (words, colour, share) in enumerate(
+                    zip(pixel_errors.WORDS, pixel_errors.COLOURS.tolist(),
+                        self.flag_shares.tolist(), strict=True))
+                if code != pixel_errors.SEEN and share > 0]
 
     def facts(self, folder: str) -> dict[str, Any]:
         """What is known of it, as plain numbers; its files are named as they lie in the folder."""
@@ -229,6 +225,6 @@ class CaptureRecords:
         of_signals = self.flat_signals.findings if "signals" in self._kept else ()
         return each_once((*self.chart.findings, *self.photo.findings, *of_signals))
 
-    def calibrations(self, views: tuple[View, ...]) -> list[Calibration]:
+    def calibrations(self, views: tuple[View, ...]) -> list[calibration.Calibration]:
         """The calibration of every view, in their order."""
         return [self.calibrate.calibrations[view.name] for view in views]

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from spectrabox.measure.results.capture_result import CaptureResult
     from spectrabox.measure.results.flat_result import FlatResult
     from spectrabox.measure.results.scene_result import SceneResult
-    from spectrabox.measure.scene.rehearsed import Rehearsed
+    from spectrabox.measure.scene.rehearsal import Rehearsed
 
 # of a photo, share of its pixels: they are left out, so they cost coverage, not correctness
 CLIPPED_LIMIT = 0.05

@@ -11,7 +11,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import interpolation_matrix, trapezoid_weights_nm
-from spectrabox.radiometry.published.published_tables import LIGHTS, OBSERVERS, published_curves
+from spectrabox.radiometry.published import published_tables
 
 WITHIN_NM = (360.0, 780.0)
 BRIGHTEST = 1.1             # of white: a colour beyond is none of a surface that does not glow
@@ -285,9 +285,10 @@ def tristimulus_weights(nm: np.ndarray, light: str) -> np.ndarray:
 @functools.cache
 def _weights_under(light_name: str) -> tuple[np.ndarray, np.ndarray]:
     """Wavelengths (P,) from 360 to 780 nm and the weights (3, P) of X, Y, Z."""
-    nm, observer = published_curves(OBSERVERS, "CIE 1931 2 Degree Standard Observer")
+    nm, observer = published_tables.published_curves(published_tables.OBSERVERS,
+                                                     "CIE 1931 2 Degree Standard Observer")
     inside = (nm >= WITHIN_NM[0]) & (nm <= WITHIN_NM[1])
-    nm, light = nm[inside], published_curves(LIGHTS, light_name)
+    nm, light = nm[inside], published_tables.published_curves(published_tables.LIGHTS, light_name)
     weights = observer[:, inside] * np.interp(nm, light[0], light[1][0])
     return nm, weights / weights[1].sum()
 
@@ -339,4 +340,5 @@ def colour_matching(nm: np.ndarray) -> np.ndarray:
 
 @functools.cache
 def _observer() -> tuple[np.ndarray, np.ndarray]:
-    return published_curves(OBSERVERS, "CIE 1931 2 Degree Standard Observer")
+    return published_tables.published_curves(published_tables.OBSERVERS,
+                                             "CIE 1931 2 Degree Standard Observer")

@@ -14,18 +14,11 @@ import numpy as np
 
 from spectrabox.radiometry.appearance import tristimulus_weights
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.published.published_tables import (
-    CHARTS,
-    COPIES,
-    TRADE,
-    published_colours,
-    published_curves,
-    published_names,
-)
+from spectrabox.radiometry.published import published_tables
 from spectrabox.radiometry.records.spectra import WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
-from spectrabox.radiometry.system.known_names import nearest_words
+from spectrabox.radiometry.system.words import nearest_words
 
 PATCH_NAMES = (
     "dark skin", "light skin", "blue sky", "foliage", "blue flower", "bluish green",
@@ -206,8 +199,9 @@ def chart_reflectances(reference: str, grid: WavelengthGrid, chart: Chart = CLAS
                          f"{', '.join(chart.references)}, or a CSV file with one column per patch")
     if reference in MEANS_OF_COPIES:
         return _mean_of_copies(reference, grid)
-    if reference in published_names(TRADE):
-        return on_grid(*published_curves(TRADE, reference), grid, reference)
+    if reference in published_tables.published_names(published_tables.TRADE):
+        return on_grid(*published_tables.published_curves(published_tables.TRADE, reference), grid,
+                       reference)
     return table_of_classic(reference, grid)
 
 
@@ -253,7 +247,8 @@ def table_of_classic(name: str, grid: WavelengthGrid) -> np.ndarray:
     """
     if name == AFTER_2014:
         return later_generation(table_of_classic(REFERENCES[0], grid), grid)
-    nm, patches = published_curves(CHARTS if name in REFERENCES else COPIES, name)
+    nm, patches = published_tables.published_curves(
+        published_tables.CHARTS if name in REFERENCES else published_tables.COPIES, name)
     return on_grid(nm, patches, grid, name)
 
 
@@ -417,7 +412,8 @@ def later_generation(earlier: np.ndarray, grid: WavelengthGrid) -> np.ndarray:
         Working grid, of P wavelengths.
     """
     weights = tristimulus_weights(grid.nm, "D50")
-    wanted = earlier @ weights.T * published_colours(AFTER) / published_colours(BEFORE)
+    wanted = earlier @ weights.T * published_tables.published_colours(
+        AFTER) / published_tables.published_colours(BEFORE)
     apart = (grid.nm[:, None] - grid.nm) / SMOOTH_NM
     smooth = LEVEL_SD**2 + np.exp(-0.5 * apart**2)
     later = []

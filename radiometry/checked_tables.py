@@ -23,8 +23,7 @@ from pydantic.fields import FieldInfo
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import read_text, too_large
-from spectrabox.radiometry.system.known_names import nearest_names
-from spectrabox.radiometry.system.words import shortened
+from spectrabox.radiometry.system.words import nearest_names, shortened
 
 
 class Table(BaseModel):

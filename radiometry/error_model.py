@@ -34,6 +34,7 @@ from spectrabox.radiometry.covariance import (
     largest_share,
 )
 from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.interreflection import white_signal
 from spectrabox.radiometry.records.calibration import (
     Calibration,
     CommonError,
@@ -41,7 +42,6 @@ from spectrabox.radiometry.records.calibration import (
     LightScale,
 )
 from spectrabox.radiometry.records.spectra import SurfaceSignals, WavelengthGrid
-from spectrabox.radiometry.response import white_signal
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 
 PHOTO_NOISE = "photo noise"

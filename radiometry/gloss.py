@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from spectrabox.radiometry.error_model import SURFACE_REFLECTION
-from spectrabox.radiometry.records.states import CaptureStates
+from spectrabox.radiometry.records.spectra import CaptureStates
 
 
 class Gloss(NamedTuple):

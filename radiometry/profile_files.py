@@ -10,7 +10,7 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
-from spectrabox.radiometry.appearance import ACES_WHITE, BRADFORD, lab_from_xyz
+from spectrabox.radiometry import appearance
 from spectrabox.radiometry.files import whole_file, write_text_whole
 
 FORMS = {".icc": "an ICC input profile", ".clf": "a Common LUT Format file to ACES2065-1",
@@ -141,7 +141,7 @@ class LabSpace:
 
     def code_values(self, xyz: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Code values (..., 3) uint16 and which (...) are clipped, as of ``RgbSpace``."""
-        lab = lab_from_xyz(xyz, PCS_WHITE)
+        lab = appearance.lab_from_xyz(xyz, PCS_WHITE)
         kept = np.clip(lab, [0, *LEAST_AB], [100, *LARGEST_AB])
         lightness = np.round(kept[..., :1] / 100 * FULL_SCALE).astype(np.uint16)
         chroma = np.round(kept[..., 1:] * AB_STEPS).astype(np.int16).view(np.uint16)
@@ -255,8 +255,9 @@ TO_ACES = np.array([[1.0498110175, 0.0, -0.0000974845], [-0.4959030231, 1.373313
 
 def aces_from_d50() -> np.ndarray:
     """Matrix (3, 3) from X, Y, Z under D50 to ACES2065-1, adapted by Bradford: white is 1, 1, 1."""
-    gains = (BRADFORD @ ACES_WHITE) / (BRADFORD @ PCS_WHITE)
-    return np.asarray(TO_ACES @ np.linalg.solve(BRADFORD, gains[:, None] * BRADFORD))
+    gains = (appearance.BRADFORD @ appearance.ACES_WHITE) / (appearance.BRADFORD @ PCS_WHITE)
+    return np.asarray(TO_ACES
+                      @ np.linalg.solve(appearance.BRADFORD, gains[:, None] * appearance.BRADFORD))
 
 
 def clf_text(name: str, table: np.ndarray) -> str:

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.radiometry.interreflection import relative_operator
 from spectrabox.radiometry.records.spectra import Outcome, Progress
-from spectrabox.radiometry.response import relative_operator
 from spectrabox.reconstruct.agreement import scale_from_surfaces
 from spectrabox.reconstruct.rendering.renderer import render
 from spectrabox.reconstruct.scene.scene_xml import BLACK

@@ -8,22 +8,17 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.interreflection import white_signal
+from spectrabox.radiometry.records import scenes
 from spectrabox.radiometry.records.calibration import LightScale
-from spectrabox.radiometry.records.scenes import (
-    JointReconstruction,
-    Reconstruction,
-    RegionTransport,
-)
 from spectrabox.radiometry.records.spectra import Progress
-from spectrabox.radiometry.response import white_signal
 from spectrabox.reconstruct.agreement import (
     model_covariance,
     scale_from_surfaces,
     shift_sentence,
     surface_agreement,
 )
-from spectrabox.reconstruct.fit.identifiability import band_signals
-from spectrabox.reconstruct.fit.transport_fit import TransportFit
+from spectrabox.reconstruct.fit.transport_fit import TransportFit, band_signals
 from spectrabox.reconstruct.gradient_engine import invert_by_gradient
 from spectrabox.reconstruct.misfit import surface_misfits, surface_tests
 from spectrabox.reconstruct.scene.scene_file import not_plain_products
@@ -44,7 +39,8 @@ SINGLE_VIEW: dict[str, Callable[[PhotoView, InversionSettings, Progress], ViewSo
     "gradient": invert_by_gradient}
 
 
-def reconstruct(view: PhotoView, settings: InversionSettings, progress: Progress) -> Reconstruction:
+def reconstruct(view: PhotoView, settings: InversionSettings,
+                progress: Progress) -> scenes.Reconstruction:
     """Spectra that explain one photo.
 
     Parameters
@@ -103,7 +99,7 @@ def settings_for(views: Sequence[PhotoView],
 
 
 def reconstruct_views(views: Sequence[PhotoView], settings: InversionSettings, progress: Progress,
-                      checkpoint: Path | None = None) -> JointReconstruction:
+                      checkpoint: Path | None = None) -> scenes.JointReconstruction:
     """Spectra that explain several photos together: other lights, exposures, viewpoints, cameras.
 
     Materials are the same wherever the scenes give a surface the same BSDF id. Each view is traced
@@ -137,7 +133,7 @@ def reconstruct_views(views: Sequence[PhotoView], settings: InversionSettings, p
 
 def reconstruction_of(views: Sequence[PhotoView], fits: Sequence[TransportFit | None],
                       solutions: Sequence[ViewSolution],
-                      settings: InversionSettings) -> JointReconstruction:
+                      settings: InversionSettings) -> scenes.JointReconstruction:
     """The record of a fit and its solutions, one for each view.
 
     Parameters
@@ -154,9 +150,9 @@ def reconstruction_of(views: Sequence[PhotoView], fits: Sequence[TransportFit | 
     return joint_record(views, records, fits, [solution.regions for solution in solutions])
 
 
-def joint_record(views: Sequence[PhotoView], records: Sequence[Reconstruction],
+def joint_record(views: Sequence[PhotoView], records: Sequence[scenes.Reconstruction],
                  fits: Sequence[TransportFit | None],
-                 regions: Sequence[RegionTransport | None]) -> JointReconstruction:
+                 regions: Sequence[scenes.RegionTransport | None]) -> scenes.JointReconstruction:
     """Several photos of the same materials as one record, the bands of all of them stacked.
 
     Parameters
@@ -210,7 +206,7 @@ def joint_record(views: Sequence[PhotoView], records: Sequence[Reconstruction],
                 model[index][np.ix_(bands, bands)] = np.mean(parts, axis=0)
     if len(views) > 1:
         covariance = covariance + REDUNDANT**2 * np.eye(len(response))
-    return JointReconstruction(
+    return scenes.JointReconstruction(
         tuple(records), tuple(view.name for view in views), materials, known, views[0].grid,
         spectra, tuple(f"{views[number].name}: {band}" for number in distinct
                        for band in views[number].bands),
@@ -219,7 +215,8 @@ def joint_record(views: Sequence[PhotoView], records: Sequence[Reconstruction],
         lamps=tuple(view.lamp_in_place for view in views))
 
 
-def _record(view: PhotoView, solution: ViewSolution, settings: InversionSettings) -> Reconstruction:
+def _record(view: PhotoView, solution: ViewSolution,
+            settings: InversionSettings) -> scenes.Reconstruction:
     """The solution with all that a later stage or a reader needs."""
     # the given scale; or that of the known materials; or that of the fit
     if (scale := view.light_scale) is None:
@@ -252,7 +249,7 @@ def _record(view: PhotoView, solution: ViewSolution, settings: InversionSettings
     coefficients[unknown] = solution.coefficients
     known = frozenset(view.known)
     taken = np.maximum(signal, REDUNDANT) / np.maximum(rendered_signal, REDUNDANT)
-    return Reconstruction(
+    return scenes.Reconstruction(
         materials=tuple(material.name for material in view.scene_materials),
         known=tuple(not is_unknown for is_unknown in unknown), grid=view.grid, basis=basis,
         coefficients=coefficients, spectra=spectra, white_signal=white, signal=signal,

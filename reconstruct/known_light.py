@@ -12,11 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from spectrabox.radiometry.error_model import (
-    KNOWN_SURFACES,
-    error_of_each_band,
-    with_common_error,
-)
+from spectrabox.radiometry import error_model
 from spectrabox.radiometry.records.calibration import LightScale
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.records.scenes import KnownLight
@@ -80,9 +76,9 @@ def tie_to_known(view: PhotoView, rendered: np.ndarray,
     tied_error = np.hypot(tied_error, COLOUR_LEFT * np.abs(tied))
     value, names = float(np.exp(level)), tuple(dict.fromkeys(
         view.surface_materials[index] for index in numbers[lit]))
-    scale = with_common_error(
+    scale = error_model.with_common_error(
         LightScale(value, value * float(np.sqrt(np.mean(tied_error**2))), None, _source(
-            view.light_scale, names)), KNOWN_SURFACES, float(level_error))
+            view.light_scale, names)), error_model.KNOWN_SURFACES, float(level_error))
     found = KnownLight(
         names, None if view.light_scale is None else float(np.exp(seen - expected)),
         None if view.light_scale is None else expected_error, seen_error, float(level_error),
@@ -140,7 +136,7 @@ def _expected(scale: LightScale | None, bands: int) -> tuple[float, float, float
     """
     if scale is None:
         return 0.0, np.inf, 0.0
-    own = error_of_each_band(scale)
+    own = error_model.error_of_each_band(scale)
     common = np.hypot.reduce([0.0, *(error.relative for error in scale.common_errors)])
     return float(np.log(scale.value)), float(np.hypot(common, own / np.sqrt(bands))), own
 

@@ -19,8 +19,8 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from spectrabox.radiometry.interreflection import lower_products, products
-from spectrabox.reconstruct.fit.traced_view import LAMP_SHARE, smoothed_variance
-from spectrabox.reconstruct.tracer.transport import kept_products, memory_of, trace_transport
+from spectrabox.reconstruct.fit.transport_fit import LAMP_SHARE, smoothed_variance
+from spectrabox.reconstruct.tracer import transport
 from spectrabox.reconstruct.tracer.unit_scene import UnitScene
 
 MAX_NODES = 25_000
@@ -88,14 +88,15 @@ def trace_pixel_light(unit: UnitScene, surface: np.ndarray, own: np.ndarray, *, 
     InputError
         As ``trace_transport``.
     """
-    exponents, _ = kept_products(unit, surface, seed)
-    most = min(MAX_NODES, max(BYTES // memory_of(1, unit.groups * len(exponents), PASSES), 1))
+    exponents, _ = transport.kept_products(unit, surface, seed)
+    most = min(MAX_NODES,
+               max(BYTES // transport.memory_of(1, unit.groups * len(exponents), PASSES), 1))
     nodes = _nodes(surface, most)
     region = nodes.region
     count, pixels = nodes.keys.shape[1], np.count_nonzero(region >= 0)
-    traced = trace_transport(unit, region, spp=-(-PATHS_OF_NODE * count // pixels), seed=seed,
-                             passes=PASSES, exponents=exponents, progress=progress,
-                             checkpoint=checkpoint)
+    traced = transport.trace_transport(unit, region, spp=-(-PATHS_OF_NODE * count // pixels),
+                                       seed=seed, passes=PASSES, exponents=exponents,
+                                       progress=progress, checkpoint=checkpoint)
     variance = smoothed_variance(traced.relative_variance, nodes.keys[0],
                                  np.bincount(region[region >= 0]))
     return PixelLight(nodes, own[nodes.keys[0]], exponents, traced.passes.mean(axis=0, dtype=float),

@@ -15,18 +15,12 @@ import numpy as np
 from spectrabox.radiometry.interreflection import products
 from spectrabox.radiometry.records.scenes import JointReconstruction
 from spectrabox.radiometry.records.spectra import Progress
+from spectrabox.reconstruct import transport_engine
 from spectrabox.reconstruct.agreement import BRIGHTEST_PERCENTILE, within_to_block
-from spectrabox.reconstruct.fit.traced_view import TracedView
+from spectrabox.reconstruct.fit.transport_fit import TracedView
 from spectrabox.reconstruct.inverse_rendering import reconstruction_of
 from spectrabox.reconstruct.scene.surfaces import region_means
 from spectrabox.reconstruct.settings import InversionSettings
-from spectrabox.reconstruct.transport_engine import (
-    nuisances,
-    renderings_of,
-    solve_by_lamps,
-    solve_traced,
-    trace_views,
-)
 from spectrabox.reconstruct.view import PhotoView
 
 FLAT = 1e-9     # of the largest singular value: a term of the field that a surface does not have
@@ -70,9 +64,9 @@ def set_stage(views: Sequence[PhotoView], settings: InversionSettings, progress:
     InputError
         As ``transport_engine.trace_views``.
     """
-    traced = trace_views(views, settings, progress)
-    images = {id(view.traced): renderings_of(view, settings) for view in traced}
-    shown, _, _ = solve_traced(traced, settings,
+    traced = transport_engine.trace_views(views, settings, progress)
+    images = {id(view.traced): transport_engine.renderings_of(view, settings) for view in traced}
+    shown, _, _ = transport_engine.solve_traced(traced, settings,
                                lambda view, fit: images[id(view.traced)](fit.signals))
     # what known surfaces said of the light is the photos' own: a replay's say it anew
     return Stage(tuple(replace(view, view=given.view, known_light=None)
@@ -98,9 +92,11 @@ def replay(stage: Stage, truth: Truth, rng: np.random.Generator) -> JointReconst
         view = _photographed(traced, truth, number, error, rng)
         rendered[id(traced.traced)] = traced.traced.coefficients + error
         # what the first photo showed of errors is the truth's: this photo shows its own
-        given.append(replace(traced, view=view, nuisances=nuisances(view, settings)))
-    tied, fits, solutions = solve_by_lamps(given, settings, lambda traced, fit: _picture(
-        rendered[id(traced.traced)] @ fit.signals, traced.region, traced.view.measured)[None])
+        given.append(
+            replace(traced, view=view, nuisances=transport_engine.nuisances(view, settings)))
+    tied, fits, solutions = transport_engine.solve_by_lamps(
+        given, settings, lambda traced, fit: _picture(rendered[id(traced.traced)] @ fit.signals,
+                                                      traced.region, traced.view.measured)[None])
     return reconstruction_of([traced.view for traced in tied], fits, solutions, settings)
 
 

@@ -8,13 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.interreflection import relative_operator
 from spectrabox.radiometry.records.spectra import Outcome, Progress
-from spectrabox.radiometry.response import relative_operator
 from spectrabox.reconstruct.agreement import SceneErrors, scene_errors, surface_agreement
-from spectrabox.reconstruct.fit.identifiability import band_signals, identifiability, sentences
-from spectrabox.reconstruct.fit.spectrum_prior import spectrum_prior
-from spectrabox.reconstruct.fit.traced_view import TracedView, fit_traced
-from spectrabox.reconstruct.fit.transport_fit import TransportFit
+from spectrabox.reconstruct.fit import transport_fit
 from spectrabox.reconstruct.fit.view_terms import Nuisances, ViewFit
 from spectrabox.reconstruct.known_light import tie_to_known
 from spectrabox.reconstruct.rendering.renderer import load_scene
@@ -46,7 +43,7 @@ VIEW_SEED_STEP = 613     # between the seeds of two views' traces
 
 def solve_views(views: Sequence[PhotoView], settings: InversionSettings, progress: Progress,
                 checkpoint: Path | None = None
-                ) -> tuple[tuple[PhotoView, ...], tuple[TransportFit, ...],
+                ) -> tuple[tuple[PhotoView, ...], tuple[transport_fit.TransportFit, ...],
                            tuple[ViewSolution, ...]]:
     """Spectra that explain all photos together, each traced on its own.
 
@@ -84,7 +81,7 @@ def solve_views(views: Sequence[PhotoView], settings: InversionSettings, progres
 
 
 def trace_views(views: Sequence[PhotoView], settings: InversionSettings, progress: Progress,
-                checkpoint: Path | None = None) -> list[TracedView]:
+                checkpoint: Path | None = None) -> list[transport_fit.TracedView]:
     """The light transport of every view; parameters and errors as of ``solve_views``."""
     traced = []
     for number, view in enumerate(views):
@@ -95,7 +92,8 @@ def trace_views(views: Sequence[PhotoView], settings: InversionSettings, progres
         part(0.0, "tracing light")
         transport = trace_view(view, _unit_scene_for(view, settings), region, group,
                                settings.seed + VIEW_SEED_STEP * number, part, file)
-        traced.append(TracedView(view, transport, region, group, nuisances(view, settings)))
+        traced.append(
+            transport_fit.TracedView(view, transport, region, group, nuisances(view, settings)))
     return traced
 
 
@@ -145,10 +143,11 @@ def trace_view(view: PhotoView, unit: UnitScene, region: np.ndarray, group: np.n
     return joined(first, second)
 
 
-def solve_by_lamps(traced: Sequence[TracedView], settings: InversionSettings,
-                   render: Callable[[TracedView, ViewFit], np.ndarray]
-                   ) -> tuple[tuple[TracedView, ...], tuple[TransportFit, ...],
-                              tuple[ViewSolution, ...]]:
+def solve_by_lamps(
+    traced: Sequence[transport_fit.TracedView], settings: InversionSettings,
+    render: Callable[[transport_fit.TracedView, ViewFit], np.ndarray]
+) -> tuple[tuple[transport_fit.TracedView, ...], tuple[transport_fit.TransportFit, ...], tuple[
+        ViewSolution, ...]]:
     """Spectra that explain the photos of traced views together, and the signals in each by itself
     where the lamp was moved between them.
 
@@ -182,9 +181,11 @@ def solve_by_lamps(traced: Sequence[TracedView], settings: InversionSettings,
     return tied, tuple(of_lamps[place] for place in lamps), solutions
 
 
-def solve_traced(traced: Sequence[TracedView], settings: InversionSettings,
-                 render: Callable[[TracedView, ViewFit], np.ndarray]
-                 ) -> tuple[tuple[TracedView, ...], TransportFit, tuple[ViewSolution, ...]]:
+def solve_traced(
+    traced: Sequence[transport_fit.TracedView], settings: InversionSettings,
+    render: Callable[[transport_fit.TracedView, ViewFit], np.ndarray]
+) -> tuple[tuple[transport_fit.TracedView, ...], transport_fit.TransportFit, tuple[ViewSolution,
+                                                                                   ...]]:
     """Spectra that explain the photos of traced views.
 
     The first fit's renderings show errors of the scene, and known surfaces the light on it. With
@@ -205,16 +206,16 @@ def solve_traced(traced: Sequence[TracedView], settings: InversionSettings,
     fit : TransportFit
     solutions : V of ViewSolution
     """
-    priors = [spectrum_prior(settings, traced[0].view.grid, material.learnt)
+    priors = [transport_fit.spectrum_prior(settings, traced[0].view.grid, material.learnt)
               for material in unknown_materials([view.view for view in traced])]
-    fit = fit_traced(traced, priors)
+    fit = transport_fit.fit_traced(traced, priors)
     images = [render(view, part) for view, part in zip(traced, fit.views, strict=True)]
     given = traced
     for _ in range(2 if any(_shows_known(each.view) for each in given) else 1):
         informed = [_informed_by(shown, view, settings)
                     for view, shown in zip(given, images, strict=True)]
         if [view.nuisances for view in informed] != [view.nuisances for view in traced]:
-            traced, fit = informed, fit_traced(informed, priors, fit.coefficients)
+            traced, fit = informed, transport_fit.fit_traced(informed, priors, fit.coefficients)
             images = [render(view, part) for view, part in zip(traced, fit.views, strict=True)]
     return tuple(traced), fit, _solutions(traced, fit, images, settings)
 
@@ -341,7 +342,7 @@ def unlit_material(view: PhotoView, traced: TracedTransport, group: np.ndarray) 
     return None
 
 
-def renderings_of(traced: TracedView, settings: InversionSettings
+def renderings_of(traced: transport_fit.TracedView, settings: InversionSettings
                   ) -> Callable[[np.ndarray], np.ndarray]:
     """The view's renderings for a light scale of 1 as a function of the signals of its products.
 
@@ -361,7 +362,8 @@ def renderings_of(traced: TracedView, settings: InversionSettings
                              passes=IMAGES)
 
 
-def _informed_by(images: np.ndarray, traced: TracedView, settings: InversionSettings) -> TracedView:
+def _informed_by(images: np.ndarray, traced: transport_fit.TracedView,
+                 settings: InversionSettings) -> transport_fit.TracedView:
     """The view with what renderings (A, H, W, K) for a light scale of 1 show: the light on known
     surfaces, errors of the scene.
     """
@@ -380,7 +382,8 @@ def _informed_by(images: np.ndarray, traced: TracedView, settings: InversionSett
     return replace(traced, view=view, nuisances=given, known_light=light)
 
 
-def _errors_of(images: np.ndarray, view: PhotoView, traced: TracedView) -> SceneErrors | None:
+def _errors_of(images: np.ndarray, view: PhotoView,
+               traced: transport_fit.TracedView) -> SceneErrors | None:
     """By which surfaces of one material disagree under the light of a view."""
     scale = 1.0 if view.light_scale is None else view.light_scale.value
     agreement = surface_agreement(tuple(view.scene_file.surfaces), view.surface_materials,
@@ -393,14 +396,15 @@ def _shows_known(view: PhotoView) -> bool:
     return bool((view.known_surface >= 0).any())
 
 
-def _solutions(traced: Sequence[TracedView], fit: TransportFit, images: Sequence[np.ndarray],
+def _solutions(traced: Sequence[transport_fit.TracedView], fit: transport_fit.TransportFit,
+               images: Sequence[np.ndarray],
                settings: InversionSettings) -> tuple[ViewSolution, ...]:
     """The fit's solution for each view."""
     unknown = unknown_materials([view.view for view in traced])
     bsdfs = [material.bsdf for material in unknown]
     operators = [relative_operator(view.view.response, view.view.basis(settings.coefficients))
                  for view in traced]
-    determined = identifiability(fit, tuple(material.name for material in unknown),
+    determined = transport_fit.identifiability(fit, tuple(material.name for material in unknown),
                                  np.vstack(operators))
     ill_posed = fit.outcome is Outcome.CONVERGED and any(item.by_prior for item in determined)
     name = ("single bounce (direct light only)" if settings.engine == "single-bounce"
@@ -408,13 +412,13 @@ def _solutions(traced: Sequence[TracedView], fit: TransportFit, images: Sequence
     solutions = []
     for view, image, operator, part in zip(traced, images, operators, fit.views, strict=True):
         own = [bsdfs.index(material.bsdf) for material in view.view.unknown]
-        signals, covariance = band_signals(fit, operator, len(bsdfs))
+        signals, covariance = transport_fit.band_signals(fit, operator, len(bsdfs))
         lights = [light for light, in view.view.light_groups]
         solutions.append(ViewSolution(
             fit.coefficients[own], signals[own], covariance[own], image, fit.cost_history,
             f"{name} ({_bounces(view.view, settings)} bounces, {len(view.traced.exponents)} "
             "products)", view.traced.spp, Outcome.ILL_POSED if ill_posed else fit.outcome,
-            sentences(determined) + part.sentences(view.view.bands, lights),
+            transport_fit.sentences(determined) + part.sentences(view.view.bands, lights),
             (part.scale, part.scale_error), view.regions(part), view.known_light))
     return tuple(solutions)
 

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import basis_matrix
+from spectrabox.radiometry.interreflection import response_matrix, white_signal
+from spectrabox.radiometry.records import scenes
 from spectrabox.radiometry.records.calibration import Calibration, LightScale
 from spectrabox.radiometry.records.photos import LinearImage
-from spectrabox.radiometry.records.scenes import KnownLight, LearntSpectra, RegionTransport
 from spectrabox.radiometry.records.spectra import Outcome, Spectrum, WavelengthGrid
-from spectrabox.radiometry.response import response_matrix, white_signal
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.reconstruct.agreement import usable_pixels
 from spectrabox.reconstruct.rendering.renderer import load_scene
@@ -41,7 +41,7 @@ class MaterialSpec:
     name: str
     bsdf: str
     reflectance: np.ndarray | None = None
-    learnt: LearntSpectra | None = None
+    learnt: scenes.LearntSpectra | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -288,8 +288,9 @@ class ViewSolution:
     notes: tuple[str, ...] = ()     # sentences on what is measured and what assumed
     # light scale and its standard error, where no known material sets it
     scale: tuple[float, float | None] = (1.0, None)
-    regions: RegionTransport | None = None  # for the samplers, where light was traced
-    known_light: KnownLight | None = None   # what known surfaces said of the light on the view
+    regions: scenes.RegionTransport | None = None  # for the samplers, where light was traced
+    # what known surfaces said of the light on the view
+    known_light: scenes.KnownLight | None = None
 
 
 def unknown_materials(views: Sequence[PhotoView]) -> tuple[MaterialSpec, ...]:

@@ -8,11 +8,10 @@ from typing import Annotated
 
 import numpy as np
 
-from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.covariance import is_covariance, symmetric, with_rank
 from spectrabox.radiometry.error_model import Errors
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.grid import basis_matrix, interpolation_matrix
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 

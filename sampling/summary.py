@@ -1,21 +1,155 @@
-"""What the draws say of one spectrum: mean and standard deviation (Eq. 7), a pointwise band, exact
-bounds, and where to look next.
+"""What is known of one spectrum, from draws or a posterior: mean, band, exact bounds, and where its
+variance comes from.
+
+Where the variance of a recovered spectrum comes from: metamerism, photo noise, light ...
+
+Metamerism is what would remain if the signal were perfect: the posterior of the same signal is
+solved again without errors. The rest is what errors add. It is shared out as
+they grow together from nothing, each by what it then adds [Aumann & Shapley 1974], linear-Gaussian
+at the most probable component; with S before the signal, J its derivative and R the sum of R_i
+
+    P(R) - P(0) = sum_i integral of G(t) R_i G(t)' over t from 0 to 1
+    G(t) = S J' (J S J' + t R)^-1
+
+without remainder. Errors that multiply a signal are those of the signal that the component gives
+(`about_answer`). The integral is closed in the basis that makes J S J' and R diagonal at once. The
+gain of the answer in place of G(t) would charge large errors to metamerism: where they are large,
+the answer hardly looks at the signal.
 """
+
+
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import numpy as np
 
-from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.error_model import proportional_covariance, split_errors
 from spectrabox.radiometry.errors import ConvergenceError, InputError
 from spectrabox.radiometry.findings import Finding, Severity
-from spectrabox.radiometry.records.spectra import (
-    SpectralMeasurement,
-    SpectrumSamples,
-    SpectrumSummary,
-    WavelengthGrid,
-)
+from spectrabox.radiometry.grid import basis_matrix
+from spectrabox.radiometry.records import spectra
 from spectrabox.sampling.polytope.bounds import reflectance_bounds
+from spectrabox.sampling.prior import mixture_posterior
+from spectrabox.sampling.prior.mixture import LogitMixture, reflectance
 from spectrabox.sampling.spectral_measurement import spline_operator
+
+METAMERISM = "metamerism"
+LEAST_RATIO = 1e-12     # of the variance of signals to that of their errors
+ALIKE = 1e-6            # relative: closer numbers are one
+
+
+def grown_by_causes(prior: LogitMixture, relative_response: np.ndarray,
+                    mixture: mixture_posterior.MixturePosterior,
+                    causes: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """What errors add to the variances (T, P) of the reflectances of T signals, by cause, at the
+    most probable component of each.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+    relative_response : (K, P) array
+    mixture : MixturePosterior
+        Of the signals, for the noise that is the sum of the causes.
+    causes : mapping to (T, K, K) arrays
+    """
+    index = np.argmax(mixture.weights, axis=1)
+    row, with_level = np.arange(index.size), prior.level_weight.with_level[index]
+    S = prior.covariances[index] + mixture.stretch[row, index, None, None] \
+        * with_level[:, :, None] * with_level[:, None, :]
+    p = reflectance(mixture.logits[index, row])
+    slope = p * (1 - p)
+    jacobian = relative_response * slope[:, None, :]
+    base = jacobian @ S                                         # (T, K, P)
+    whiten = np.linalg.inv(
+        np.linalg.cholesky(mixture_posterior.with_floor(np.sum(list(causes.values()), axis=0))))
+    ratios, vectors = np.linalg.eigh(whiten @ (base @ jacobian.transpose(0, 2, 1))
+                                     @ whiten.transpose(0, 2, 1))
+    ratios = np.maximum(ratios, LEAST_RATIO)                    # (T, K) of signal to errors
+    to_basis = vectors.transpose(0, 2, 1) @ whiten              # (T, K, K)
+    seen = to_basis @ base
+    weights = _integral(ratios[:, :, None], ratios[:, None, :])
+    return {name: slope**2 * np.sum(seen * (
+        (weights * (to_basis @ covariance @ to_basis.transpose(0, 2, 1))) @ seen), axis=1)
+        for name, covariance in causes.items()}
+
+
+def about_answer(causes: Mapping[str, np.ndarray], signals: np.ndarray, given: np.ndarray,
+                 log_errors: np.ndarray | None) -> dict[str, np.ndarray]:
+    """Covariances of the errors by cause about what an answer gives, from those about the measured
+    signals; the same where no error multiplies.
+
+    Parameters
+    ----------
+    causes : mapping to (T, K, K) arrays
+    signals : (T, K) array
+        As measured.
+    given : (T, K) array
+        What the errors multiply, by the answer.
+    log_errors : (T, K) array or None
+        By how much, in its logarithm.
+    """
+    if log_errors is None:
+        return dict(causes)
+    less = np.exp(-log_errors)
+    split = {name: split_errors(signals, {name: covariance})
+             for name, covariance in causes.items()}
+    return {name: proportional_covariance(given, errors.relative)
+            + proportional_covariance(less, errors.absolute) for name, errors in split.items()}
+
+
+def error_budgets(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
+                  mixture: mixture_posterior.MixturePosterior,
+                  grown: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Variances (T, P) of the reflectances of T signals by cause, metamerism first.
+
+    Parameters
+    ----------
+    prior : LogitMixture
+    relative_response : (K, P) array
+    signals : (T, K) array
+        Relative to white, without what is not the reflectance's; with errors that multiply them,
+        those of the answer.
+    mixture : MixturePosterior
+        Of the signals, with all errors.
+    grown : mapping to (T, P) arrays
+        From `grown_by_causes`.
+    """
+    variance = mixture_posterior.mean_and_spread(mixture)[1]**2
+    total = np.sum(list(grown.values()), axis=0)
+    left = variance
+    if np.any(total > 0):
+        perfect = mixture_posterior.posterior(prior, relative_response, signals,
+                                              np.zeros((signals.shape[1], ) * 2))
+        left = np.where(total > 0,
+                        np.minimum(mixture_posterior.mean_and_spread(perfect)[1]**2, variance),
+                        variance)
+    return {METAMERISM: left} | {name: (variance - left) * each / np.where(total > 0, total, 1.0)
+                                 for name, each in grown.items()}
+
+
+def _integral(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Integral of 1 / ((a + t) (b + t)) over t from 0 to 1, of numbers above 0."""
+    apart = np.abs(b - a) > ALIKE * (a + b)
+    middle = np.sqrt(a * b)
+    return np.where(apart, (np.log1p(1 / a) - np.log1p(1 / b)) / np.where(apart, b - a, 1.0),
+                    1 / (middle * (middle + 1)))
+
+
+def shares_by_cause(budgets: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Shares (T,) of the causes in the mean variance over wavelength.
+
+    Parameters
+    ----------
+    budgets : dict of (T, P) arrays
+        From `error_budgets`.
+    """
+    means = {name: variance.mean(axis=1) for name, variance in budgets.items()}
+    total = np.sum(list(means.values()), axis=0)
+    return {name: mean / total for name, mean in means.items()}
+
+
+# ---- what the draws say of one spectrum ----------------------------------------------------------
 
 # effective draws beyond each end of a band: the level of each tail is then known to 20 %
 TAIL_DRAWS = 25
@@ -23,8 +157,9 @@ TAIL_DRAWS = 25
 READING_ERROR = 0.005
 
 
-def summarise(samples: SpectrumSamples, measurement: SpectralMeasurement, level: float = 0.95,
-              conditional_on: tuple[Finding, ...] | None = None) -> SpectrumSummary:
+def summarise(samples: spectra.SpectrumSamples, measurement: spectra.SpectralMeasurement,
+              level: float = 0.95,
+              conditional_on: tuple[Finding, ...] | None = None) -> spectra.SpectrumSummary:
     """Mean, standard deviation, central band and exact bounds from draws of spectra.
 
     Parameters
@@ -56,7 +191,7 @@ def summarise(samples: SpectrumSamples, measurement: SpectralMeasurement, level:
     bound_lower, bound_upper = reflectance_bounds(spline_operator(measurement, count), basis, level)
     lower, upper = np.quantile(samples.spectra, [(1 - level) / 2, (1 + level) / 2], axis=0)
     covariance = np.cov(samples.spectra, rowvar=False, ddof=0)
-    return SpectrumSummary(
+    return spectra.SpectrumSummary(
         grid=samples.grid, mean=samples.spectra.mean(axis=0),
         standard_deviation=samples.spectra.std(axis=0), lower=lower, upper=upper,
         bound_lower=bound_lower, bound_upper=bound_upper, level=level,
@@ -105,7 +240,7 @@ def check_level(level: float) -> None:
         raise InputError(f"a level of {level} was asked for; it is a probability between 0 and 1")
 
 
-def next_measurement_nm(grid: WavelengthGrid, covariance: np.ndarray) -> float:
+def next_measurement_nm(grid: spectra.WavelengthGrid, covariance: np.ndarray) -> float:
     """Wavelength whose reading, with a standard error of 0.005, would take most off the total
     variance.
 

@@ -6,21 +6,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import ConvergenceError
 from spectrabox.radiometry.findings import Finding
+from spectrabox.radiometry.grid import basis_matrix
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, SpectrumSamples
+from spectrabox.sampling import spectral_measurement
 from spectrabox.sampling.polytope.tilt import check_operator, max_entropy_tilt
 from spectrabox.sampling.polytope.tilted_rejection import METHOD, sample_polytope
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
-from spectrabox.sampling.spectral_measurement import (
-    CoefficientDraws,
-    MeasurementOperator,
-    check_draw_count,
-    check_measurement,
-    nearest_coefficients,
-    spline_operator,
-)
 
 # how far an unreachable signal is moved into what can be reached
 TOWARDS_GREY = (0.002, 0.01, 0.03, 0.1)
@@ -44,9 +37,9 @@ def sample_uniform(measurement: SpectralMeasurement, draws: int, seed: int, coef
     prior : LogitMixture, optional
         Not used.
     """
-    check_measurement(measurement)
-    check_draw_count(draws)
-    operator, moved = into_reach(spline_operator(measurement, coefficients))
+    spectral_measurement.check_measurement(measurement)
+    spectral_measurement.check_draw_count(draws)
+    operator, moved = into_reach(spectral_measurement.spline_operator(measurement, coefficients))
     coefficient_draws = sample_polytope(operator, draws, seed)
     if not moved:
         return as_spectra(coefficient_draws, METHOD, seed, coefficient_draws.outcome)
@@ -54,8 +47,8 @@ def sample_uniform(measurement: SpectralMeasurement, draws: int, seed: int, coef
         coefficients=coefficients, moved=float(moved)))
 
 
-def as_spectra(draws: CoefficientDraws, method: str, seed: int, outcome: Outcome,
-               *findings: Finding) -> SpectrumSamples:
+def as_spectra(draws: spectral_measurement.CoefficientDraws, method: str, seed: int,
+               outcome: Outcome, *findings: Finding) -> SpectrumSamples:
     """The draws as spectra at 400, 405 ... 700 nm.
 
     Parameters
@@ -74,7 +67,9 @@ def as_spectra(draws: CoefficientDraws, method: str, seed: int, outcome: Outcome
                            seed, outcome, findings or (outcome.finding(),))
 
 
-def into_reach(operator: MeasurementOperator) -> tuple[MeasurementOperator, float]:
+def into_reach(
+    operator: spectral_measurement.MeasurementOperator
+) -> tuple[spectral_measurement.MeasurementOperator, float]:
     """The operator with its signal moved into reach where need be, and the largest move of a band.
 
     The nearest signal in the least-squares sense is on the edge of the reachable set, where one
@@ -95,10 +90,10 @@ def into_reach(operator: MeasurementOperator) -> tuple[MeasurementOperator, floa
         max_entropy_tilt(operator)
         return operator, 0.0
     except ConvergenceError:
-        nearest = nearest_coefficients(operator.A, operator.y)
+        nearest = spectral_measurement.nearest_coefficients(operator.A, operator.y)
     for share in TOWARDS_GREY:
         y = operator.A @ ((1 - share) * nearest + share / 2)
-        moved = MeasurementOperator(operator.A, y, operator.noise_covariance)
+        moved = spectral_measurement.MeasurementOperator(operator.A, y, operator.noise_covariance)
         try:
             max_entropy_tilt(moved)
             return moved, float(np.abs(y - operator.y).max())

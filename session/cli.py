@@ -31,7 +31,7 @@ from spectrabox.session.terminal.command_line import (
     flushed_output,
     reported_errors,
 )
-from spectrabox.session.terminal.interruption import stop_on_signals
+from spectrabox.session.terminal.progress_display import stop_on_signals
 
 # rich_markup_mode None: its panels cost --help twice the time.
 app = Commands(name="spectrabox", pretty_exceptions_enable=False, rich_markup_mode=None,

@@ -7,8 +7,8 @@ import sys
 from typing import Any
 
 from spectrabox.radiometry.errors import EnvironmentProblem
-from spectrabox.reconstruct.rendering.llvm import VARIABLE, ensure_llvm, find_llvm
-from spectrabox.session.store.program import versions
+from spectrabox.reconstruct.rendering import llvm
+from spectrabox.session.store.keys import versions
 
 PROBE = """
 import sys
@@ -26,10 +26,10 @@ def examine(device: str = "auto") -> dict[str, Any]:
     Dr.Jit is tried in a process of its own, since a wrong LLVM aborts the process that loads it.
     """
     problems: list[str] = []
-    found = find_llvm()
+    found = llvm.find_llvm()
     if found is None:
         try:
-            ensure_llvm()
+            llvm.ensure_llvm()
         except EnvironmentProblem as error:
             problems.append(str(error))
     variant = _probe_variant(device, problems) if found is not None or device == "cuda" else None
@@ -52,5 +52,5 @@ def _probe_variant(device: str, problems: list[str]) -> str | None:
     last = outcome.stderr.strip().splitlines()[-1:] or ["no message"]
     how = "was aborted" if outcome.returncode < 0 else "failed"
     problems.append(f"the renderer's self-test {how} (code {outcome.returncode}): {last[0]}; "
-                    f"install another LLVM, such as libllvm19, or name one with {VARIABLE}")
+                    f"install another LLVM, such as libllvm19, or name one with {llvm.VARIABLE}")
     return None

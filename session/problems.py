@@ -11,25 +11,23 @@ from typing import Any
 from spectrabox.capture.develop.developed import open_any
 from spectrabox.capture.photo.metadata import photo_metadata
 from spectrabox.capture.photo.regions import sample_regions
-from spectrabox.measure.captured import Capture, PhotoFiles, View, files_of, require_scene
-from spectrabox.measure.opened_photos import develop, require_curves_of_bands, require_exposed
+from spectrabox.measure import captured, opened_photos
 from spectrabox.measure.scene.box_camera import scene_of
 from spectrabox.measure.shoot.captures import capture_with_faults
 from spectrabox.measure.steps import chart_fit
-from spectrabox.measure.steps.charts import stated_corners
 from spectrabox.measure.steps.declared_steps import INVERSION
 from spectrabox.measure.steps.inversion import require_invertible, require_materials
+from spectrabox.measure.steps.photos import stated_corners
+from spectrabox.radiometry import errors
 from spectrabox.radiometry.chart import typical_camera_signals
-from spectrabox.radiometry.errors import EnvironmentProblem, InputError, SpectraboxError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.photos import LinearImage
-from spectrabox.radiometry.spectra.kept_cameras import known_camera
-from spectrabox.radiometry.system.free_memory import free_memory
+from spectrabox.radiometry.spectra.cameras import known_camera
+from spectrabox.radiometry.system.archives import free_memory
 from spectrabox.reconstruct.scene.scene_file import SceneFile, require_same_shape
+from spectrabox.session import pipeline
 from spectrabox.session.config.session_file import SessionConfig, try_read_session
-from spectrabox.session.kept_stages import stage_names, stage_states
-from spectrabox.session.pipeline import run_stages
-from spectrabox.session.store.store import load_stage
+from spectrabox.session.store.record_files import load_stage
 
 LONG_STAGES = ("reconstruct", "sample")     # the first of them that a session has is not run
 DEVICE = "cpu"
@@ -79,10 +77,10 @@ def check_session(folder: Path, allow_outside: bool = False, device: str = DEVIC
     """
     problems: list[Problem] = []
     config, sentences = try_read_session(folder, allow_outside)
-    problems += [Problem(sentence, InputError.exit_code) for sentence in sentences]
+    problems += [Problem(sentence, errors.InputError.exit_code) for sentence in sentences]
     if folder.is_dir() and not os.access(folder, os.W_OK):
         problems.append(Problem(f"{folder} cannot be written: change its permissions",
-                                EnvironmentProblem.exit_code))
+                                errors.EnvironmentProblem.exit_code))
     if config is None:
         return CheckResult(problems, None)
 
@@ -90,7 +88,7 @@ def check_session(folder: Path, allow_outside: bool = False, device: str = DEVIC
         """The result, or None with the problem noted."""
         try:
             return read(*arguments)
-        except SpectraboxError as error:
+        except errors.SpectraboxError as error:
             raised = [Problem(line, error.exit_code) for line in str(error).splitlines()]
             problems.extend(one for one in raised if one not in problems)
             return None
@@ -114,30 +112,30 @@ def _known_camera(config: SessionConfig) -> str | None:
     return None if metadata is None else known_camera(metadata.camera)
 
 
-def _refuse(fault: SpectraboxError) -> None:
+def _refuse(fault: errors.SpectraboxError) -> None:
     raise fault
 
 
-def _attempt_together(capture: Capture, attempt: Attempt) -> None:
+def _attempt_together(capture: captured.Capture, attempt: Attempt) -> None:
     """Look for inputs that were each read and do not go together; what could not be read is None in
     the capture.
     """
-    files = [file for view in capture.views for file in files_of(view.photo)]
+    files = [file for view in capture.views for file in captured.files_of(view.photo)]
     if capture.sensitivity is not None and all(
             file.path is not None and file.path.is_file() for file in files):
-        attempt(require_curves_of_bands, capture)
+        attempt(opened_photos.require_curves_of_bands, capture)
     for scene in _scenes(capture, attempt).values():
         attempt(require_materials, scene, capture.bsdfs)
 
 
-def _scenes(capture: Capture, attempt: Attempt) -> dict[str, SceneFile]:
+def _scenes(capture: captured.Capture, attempt: Attempt) -> dict[str, SceneFile]:
     """The scenes of photos that can be made, by view."""
     scenes = {name: attempt(scene_of, stated) for name, stated in capture.scenes.items()
               if stated is not None}
     return {name: scene for name, scene in scenes.items() if scene is not None}
 
 
-def _attempt_photos(capture: Capture, attempt: Attempt) -> None:
+def _attempt_photos(capture: captured.Capture, attempt: Attempt) -> None:
     """Decode every photo and look for what the steps would refuse.
 
     Of a photo whose flat field or dark frame is at fault, its own faults are looked for without it.
@@ -148,21 +146,22 @@ def _attempt_photos(capture: Capture, attempt: Attempt) -> None:
         chosen, flat_fields={}, dark_frames=()))
     for file in (*chosen.flat_fields.values(), *chosen.dark_frames,
                  *(file for view in capture.views
-                   for file in (*files_of(view.photo), *files_of(view.chart)))):
+                   for file in (*captured.files_of(view.photo), *captured.files_of(view.chart)))):
         if file.path is not None:
             attempt(open_any, file.path, chosen.not_linear)
 
-    def developed_photo(photo: PhotoFiles) -> LinearImage | None:
-        if any(file.path is None for file in files_of(photo)):
+    def developed_photo(photo: captured.PhotoFiles) -> LinearImage | None:
+        if any(file.path is None for file in captured.files_of(photo)):
             return None
-        developed = attempt(develop, capture, photo) or readable(develop, alone, photo)
+        developed = attempt(opened_photos.develop, capture, photo) or readable(
+            opened_photos.develop, alone, photo)
         return None if developed is None else developed[0]
 
     scenes = _scenes(capture, attempt)
     for view in capture.views:
         photo = developed_photo(view.photo)
         if photo is not None:
-            attempt(require_exposed, photo, view.photo_names[0])
+            attempt(opened_photos.require_exposed, photo, view.photo_names[0])
             for name, region in capture.regions_in(view).items():
                 attempt(sample_regions, photo, {name: region.outline})
             if view.name in scenes:
@@ -177,7 +176,7 @@ def readable(read: Callable[..., Any], *arguments: Any) -> Any:
     """What a reader gives, or None where it refuses its input: that is said elsewhere."""
     try:
         return read(*arguments)
-    except SpectraboxError:
+    except errors.SpectraboxError:
         return None
 
 
@@ -185,19 +184,20 @@ def _run_up_to_tracing(config: SessionConfig, device: str, shared: Path | None) 
     """Run the short stages as a run does, which then keeps them, and what the long ones ask before
     they begin; bytes that tracing will take, where something is left to trace.
     """
-    long = next(name for name in stage_names(config) if name in LONG_STAGES)
+    long = next(name for name in pipeline.stage_names(config) if name in LONG_STAGES)
     if load_stage(config.results_folder, long) is not None and any(
-            state.name == long and state.state == "done" for state in stage_states(config)):
+            state.name == long and state.state == "done"
+            for state in pipeline.stage_states(config)):
         return None
-    finished = run_stages(config, device=device, only=None, force=False,
+    finished = pipeline.run_stages(config, device=device, only=None, force=False,
                           progress=lambda stage, done, what: None, before=long, shared=shared)
     if long != INVERSION.name:
         return None
-    capture = require_scene(finished.capture, "only a scene is traced")
+    capture = captured.require_scene(finished.capture, "only a scene is traced")
     return require_invertible(capture, finished.records, device)
 
 
-def require_chart(capture: Capture, view: View, photo: LinearImage) -> None:
+def require_chart(capture: captured.Capture, view: captured.View, photo: LinearImage) -> None:
     """Refuse a photo that shows no chart, or a clipped one.
 
     Parameters

@@ -10,7 +10,7 @@ import time
 from flat_example import HEAD, regions_toml, write_flat
 
 from spectrabox.radiometry.files import sha256_of
-from spectrabox.session.batch.manifest import program_of_batch
+from spectrabox.session.batch.overview import program_of_batch
 from spectrabox.session.batch.tasks import Order
 
 KEPT = {".npz", ".csv", ".xml", ".png"}

@@ -38,11 +38,11 @@ from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.tracer.trace_checkpoint import PassSums, TraceCheckpoint
 from spectrabox.sampling.prior.libraries import read_library
 from spectrabox.sampling.prior.mixture import SHIPPED, load_prior
-from spectrabox.session.camera.patch_files import read_patches
+from spectrabox.session.camera.camera_files import read_patches
 from spectrabox.session.config.session_file import try_read_session
 from spectrabox.session.signals.measurement_file import read_more
 from spectrabox.session.signals.signal_options import read_named_signals
-from spectrabox.session.store.store import load_stage, save_stage, stage_folder
+from spectrabox.session.store.record_files import load_stage, save_stage, stage_folder
 
 MODELS = Path(load_camera_prior.__code__.co_filename).parent / "models"
 TRANSCRIPTS = Path(write_dng.__code__.co_filename).parent / "transcripts"

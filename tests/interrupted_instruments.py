@@ -21,7 +21,7 @@ from spectrabox.capture.meter.serial_line import Pace
 from spectrabox.capture.transcripts.player import TranscriptPlayer
 from spectrabox.capture.transcripts.transcript import Event, Transcript
 from spectrabox.fixtures.meter_transcripts import SyntheticMeter
-from spectrabox.session.terminal.interruption import SIGNALS, held
+from spectrabox.session.terminal.progress_display import SIGNALS, held
 
 from tests.transcript_trials import measure_played
 

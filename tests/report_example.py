@@ -13,7 +13,6 @@ from spectrabox.measure.conditions import Statements
 from spectrabox.measure.results.capture_result import ChartResult
 from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.measure.results.surface_result import SurfaceResult
-from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.error_model import (
     DISAGREEMENT,
     LIGHT_SPECTRUM,
@@ -21,7 +20,7 @@ from spectrabox.radiometry.error_model import (
     SENSITIVITIES,
 )
 from spectrabox.radiometry.findings import Finding, Severity
-from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.grid import basis_matrix, visible_grid
 from spectrabox.radiometry.records.calibration import Calibration, LightScale, SensitivityFit
 from spectrabox.radiometry.records.photos import (
     ChartDetection,

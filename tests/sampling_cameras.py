@@ -1,10 +1,9 @@
 """Synthetic cameras and measurements shared by the tests of sampling."""
 import numpy as np
 
-from spectrabox.radiometry.bspline import basis_matrix
-from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.grid import basis_matrix, visible_grid
+from spectrabox.radiometry.interreflection import relative_operator, response_matrix
 from spectrabox.radiometry.records.spectra import SpectralMeasurement
-from spectrabox.radiometry.response import relative_operator, response_matrix
 from spectrabox.sampling.spectral_measurement import MeasurementOperator
 
 

@@ -9,8 +9,7 @@ from flat_example import rect_of, write_flat
 
 import spectrabox as sb
 from spectrabox.measure.advice.advice import HOW_TO, TIMES, advice, advised, ranked
-from spectrabox.measure.advice.advise import advice_on_capture
-from spectrabox.measure.advice.at_hand import usual_at_hand
+from spectrabox.measure.advice.advise import advice_on_capture, usual_at_hand
 from spectrabox.measure.advice.flat_actions import flat_photos_of, with_level
 from spectrabox.measure.advice.forecast import (
     Outlook,
@@ -20,7 +19,7 @@ from spectrabox.measure.advice.forecast import (
     outlook_of,
 )
 from spectrabox.measure.advice.further import ChartFitted, with_photos, with_reading
-from spectrabox.measure.more_bands.further_photos import (
+from spectrabox.measure.more_bands.filter_fit import (
     curves_and_light,
     photos_at_hand,
     white_of_bands,

@@ -22,7 +22,7 @@ OWNERS = {"serial": ("capture/meter/serial_line.py",),
                           "capture/photo/image_rows.py",    # what is too large to hold
                           "radiometry/spectra/formats/spectral_exr.py"),    # spectra, no photo
           "zarr": ("radiometry/spectra/formats/zarr_array.py",),
-          "distributed": ("session/batch/cluster.py",),
+          "distributed": ("session/batch/workers.py",),
           "colour": ("radiometry/",),
           "mitsuba": ("reconstruct/", "fixtures/"),
           "drjit": ("reconstruct/", "fixtures/"),
@@ -151,7 +151,7 @@ def test_no_files_import_each_other_in_a_circle():
 
 
 def test_the_rooms_of_the_keys_hold_all_that_the_steps_import():
-    from spectrabox.session.store.program import LIBRARY
+    from spectrabox.session.store.keys import LIBRARY
     files = {f"spectrabox.{name_of(path)[:-3].replace('/', '.')}": path for path in modules()}
     waiting, reached = [ROOT / "measure/steps/measurement.py"], set()
     while waiting:
@@ -216,9 +216,8 @@ WRITES = {"write_text", "write_bytes", "tofile", "save", "savez", "savez_compres
 WRITES_OF = {"save": "np", "copy": "shutil", "create": "ImageOutput"}   # others have such names too
 OWN_WAY = {"radiometry/files.py": "is the one way",
            "radiometry/published/make_tables.py": "is run by developers",
-           "session/store/store.py": "fills a folder that is replaced whole",
-           "session/store/record_files.py": "writes into such a folder",
-           "session/store/draws_files.py": "writes in such a block, a function for each format",
+           "session/store/record_files.py": "fills a folder that is replaced whole",
+           "session/store/surface_files.py": "writes in such a block, a function for each format",
            "capture/transcripts/transcript.py": "is written line by line, so that nothing is lost"}
 
 

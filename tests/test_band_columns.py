@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.spectra.band_columns import columns_of_bands
+from spectrabox.radiometry.spectra.cameras import columns_of_bands
 from spectrabox.session.cli import app
 from spectrabox.session.signals.signal_options import read_named_signals
 

@@ -26,22 +26,23 @@ from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.session.batch import overview
 from spectrabox.session.batch.batch import kept_outcomes, run_batch, session_folders
 from spectrabox.session.batch.executors import open_processes
-from spectrabox.session.batch.manifest import Outcome, store_outcome, stored_outcome
 from spectrabox.session.batch.overview import (
     BatchProgress,
+    Outcome,
     batch_facts,
     batch_text,
     duration_text,
     link,
+    store_outcome,
+    stored_outcome,
     write_page,
 )
 from spectrabox.session.batch.tasks import PeakMemory, Task
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.outputs.run_outputs import rewritten_outputs
 from spectrabox.session.pipeline import run_stages
-from spectrabox.session.store.locks import sole_user
-from spectrabox.session.store.shared_stages import share_stage
-from spectrabox.session.store.store import load_stage
+from spectrabox.session.store.locks import share_stage, sole_user
+from spectrabox.session.store.record_files import load_stage
 
 from tests.session_runs import call
 

@@ -154,7 +154,7 @@ def test_a_scheduler_that_dies_costs_nothing_that_is_stored(session, tmp_path, d
 
 
 def test_a_scheduler_that_is_not_there_is_one_sentence(monkeypatch):
-    monkeypatch.setattr("spectrabox.session.batch.cluster.CONNECTING_S", 0.5)
+    monkeypatch.setattr("spectrabox.session.batch.workers.CONNECTING_S", 0.5)
     with pytest.raises(EnvironmentProblem, match="no workers can be reached through tcp"), \
             open_workers("tcp://127.0.0.1:1", None, 1):
         pass

@@ -19,7 +19,7 @@ from spectrabox.calibrate.lamp_beam import (
 from spectrabox.capture.photo.image_writers import write_exr
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.records.photos import LinearImage, PhotoKind
-from spectrabox.reconstruct.scene.light_profile import TABLE_DEG, read_profile
+from spectrabox.reconstruct.scene.scene_file import TABLE_DEG, read_profile
 from spectrabox.session.cli import app
 
 SIZE_MM = (1400.0, 900.0)

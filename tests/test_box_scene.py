@@ -17,8 +17,7 @@ from spectrabox.reconstruct.scene.scene_file import read_scene, scene_of_text
 from spectrabox.session.box.box_overlay import corners_in_photo
 from spectrabox.session.config.session_file import read_session, try_read_session
 from spectrabox.session.config.template import TEMPLATES, template_names
-from spectrabox.session.store.input_files import InputFiles
-from spectrabox.session.store.keys import step_keys
+from spectrabox.session.store.keys import InputFiles, step_keys
 
 SIZE = (312, 208)
 # the eight inner corners are in view from here
@@ -135,7 +134,7 @@ def test_the_template_gives_the_demo_s_signals_whatever_the_order_of_its_surface
 
 def test_light_and_chart_stand_to_each_other_as_the_demo_has_them():
     from spectrabox.radiometry.chart import CLASSIC
-    from spectrabox.reconstruct.rendering.irradiance import patch_irradiance
+    from spectrabox.reconstruct.rendering.renderer import patch_irradiance
     box = template_box(chart={"at_mm": [90, 170, -360], "look_at_mm": [90, 170, 0]})
     from pathlib import Path
     ours = scene_of_text(chart_xml(box, box.chart), Path("chart-scene.xml"))

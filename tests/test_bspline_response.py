@@ -2,10 +2,9 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from spectrabox.radiometry.bspline import basis_matrix, knots_nm
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.response import relative_operator, response_matrix, white_signal
+from spectrabox.radiometry.grid import basis_matrix, knots_nm, visible_grid
+from spectrabox.radiometry.interreflection import relative_operator, response_matrix, white_signal
 
 GRID = visible_grid()
 

@@ -21,7 +21,7 @@ from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records.spectra import Quantity, UnknownLight
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
 from spectrabox.radiometry.spectra.spectrum_files import read_curves, read_spectrum
-from spectrabox.session.camera.patch_files import read_patches
+from spectrabox.session.camera.camera_files import read_patches
 from spectrabox.session.cli import app
 
 runner = CliRunner()

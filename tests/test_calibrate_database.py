@@ -7,7 +7,7 @@ from calibrate_cameras import NODES, cameras
 
 from spectrabox.calibrate.prior.learnt_prior import read_camera_database
 from spectrabox.radiometry.errors import InputError
-from spectrabox.session.camera.patch_files import read_patches
+from spectrabox.session.camera.camera_files import read_patches
 
 
 def write_rawtoaces(path, curves, model, nm=NODES):

@@ -26,7 +26,6 @@ from spectrabox.calibrate.chart_calibration import (
     calibrate_chart,
     calibration_from_curves,
 )
-from spectrabox.calibrate.chart_consistency import disagreement
 from spectrabox.calibrate.chart_equations import (
     COMMON_ERRORS,
     DARK_SHARE,
@@ -37,14 +36,13 @@ from spectrabox.calibrate.chart_equations import (
     field_terms,
     mean_error,
 )
-from spectrabox.calibrate.chart_photo import ChartPhoto
+from spectrabox.calibrate.chart_photo import ChartPhoto, disagreement
 from spectrabox.calibrate.light_field import PicturePoints, _of_distance
-from spectrabox.calibrate.prior.camera_prior import CameraPrior
+from spectrabox.calibrate.prior.camera_prior import CameraPrior, prior_of_curves
 from spectrabox.calibrate.prior.curve_posterior import nonnegative
 from spectrabox.calibrate.prior.learnt_prior import KEPT_VARIANCE, _leading, within_families
-from spectrabox.calibrate.prior.plain_priors import prior_of_curves
 from spectrabox.calibrate.prior.prior_fit import posterior_of_curves
-from spectrabox.calibrate.products.product_prior import draw_cameras
+from spectrabox.calibrate.products.lamps import draw_cameras
 from spectrabox.calibrate.sensitivity import fit_with_prior, relative_prediction_covariance
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from calibrate_cameras import GRID, daylight
 
-from spectrabox.calibrate.chart_consistency import light_power, unlit, wavelength_ranges
+from spectrabox.calibrate.chart_photo import light_power, unlit, wavelength_ranges
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.light_scale import scale_from_signals

@@ -27,7 +27,7 @@ from spectrabox.calibrate.sensitivity import default_prior, fit_with_prior
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum
-from spectrabox.session.camera.patch_files import read_patches
+from spectrabox.session.camera.camera_files import read_patches
 from spectrabox.session.cli import app
 
 SURFACES = reflectances()

@@ -28,6 +28,8 @@ from spectrabox.calibrate.products.lamps import (
     colour_temperatures,
     daylights,
     lamps_like,
+    paired,
+    product_prior,
 )
 from spectrabox.calibrate.products.product_fit import (
     EVIDENCE_POWER,
@@ -45,7 +47,6 @@ from spectrabox.calibrate.products.product_posterior import (
     shares_without,
     weights_of_components,
 )
-from spectrabox.calibrate.products.product_prior import paired, product_prior
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records.photos import PatchSamples

@@ -9,9 +9,8 @@ from uneven_charts import UNEVEN, patch_samples, uneven_photo
 
 from spectrabox.calibrate.sensitivity import fit_sensitivities
 from spectrabox.calibrate.spline_fit import SPLINE_METHODS, _solve_nonnegative, _solve_smooth
-from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import CalibrationError, InputError
-from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.grid import basis_matrix, visible_grid
 
 EVEN = np.full(24, np.pi)
 BASIS = basis_matrix(GRID.nm, 10)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from spectrabox.capture.photo.binning import area_weights, bin_image, render_size
+from spectrabox.capture.photo.preview import area_weights, bin_image, render_size
 from spectrabox.radiometry.records.photos import LinearImage, PhotoKind
 
 SIZES = [(10, 6), (7, 5), (3, 3), (24, 17), (1, 1)]

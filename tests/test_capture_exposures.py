@@ -4,10 +4,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from spectrabox.capture.develop.bands import stack_bands, strongest_channel
 from spectrabox.capture.develop.bracket import merge_exposures, variance_line
 from spectrabox.capture.develop.dark import DarkFrame, common_variance, mean_dark, subtract_dark
-from spectrabox.capture.develop.developed import develop_photos
+from spectrabox.capture.develop.developed import develop_photos, stack_bands, strongest_channel
 from spectrabox.capture.photo.linear import linear_image, tile_step
 from spectrabox.capture.photo.noise import PhotonTransfer
 from spectrabox.fixtures.dng import X_TRANS, write_dng

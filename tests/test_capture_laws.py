@@ -18,7 +18,7 @@ from spectrabox.capture.chart.chart_agreement import (
 from spectrabox.capture.chart.patches import clipped_bands, require_unclipped, sample_patches
 from spectrabox.capture.develop.bracket import merge_exposures
 from spectrabox.capture.develop.dark import mean_dark
-from spectrabox.capture.develop.flat_field import smooth_flat
+from spectrabox.capture.develop.developed import smooth_flat
 from spectrabox.capture.meter.instruments.instrument_errors import (
     LineFaultError,
     UntrustedReadingError,

@@ -7,7 +7,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from spectrabox.capture.develop.flat_field import divide_by_flat
+from spectrabox.capture.develop.developed import divide_by_flat
 from spectrabox.capture.photo.image_files import read_encoded_file, read_linear_file
 from spectrabox.capture.photo.image_rows import png_rows
 from spectrabox.capture.photo.image_writers import write_exr, write_png

@@ -12,13 +12,18 @@ from spectrabox.measure.surfaces.surface_signals import (
     with_errors,
 )
 from spectrabox.radiometry.error_model import PHOTO_NOISE, SAMPLE_PLANE, SURFACE_REFLECTION
-from spectrabox.radiometry.records.spectra import SignalError, SpectralMeasurement, SurfaceSignals
-from spectrabox.radiometry.records.states import CaptureStates, independent_states
-from spectrabox.sampling.error_budget import METAMERISM
+from spectrabox.radiometry.records.spectra import (
+    CaptureStates,
+    SignalError,
+    SpectralMeasurement,
+    SurfaceSignals,
+    independent_states,
+)
 from spectrabox.sampling.further.more_measurements import Reading, condition, same_material
 from spectrabox.sampling.prior.mixture import load_prior
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
 from spectrabox.sampling.spectral_measurement import spline_operator, without_states
+from spectrabox.sampling.summary import METAMERISM
 
 from tests.sampling_cameras import response
 

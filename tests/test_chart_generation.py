@@ -19,7 +19,7 @@ from spectrabox.fixtures.chart_scene import chart_scene, mosaic
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.measure.camera import CameraCapture, ChartSignals
 from spectrabox.measure.captured import LitChart
-from spectrabox.measure.chart_edition import edition_in_photo
+from spectrabox.measure.chart_patches import edition_in_photo
 from spectrabox.measure.results.calibration_facts import copy_facts
 from spectrabox.radiometry.appearance import tristimulus_weights
 from spectrabox.radiometry.chart import (
@@ -31,8 +31,8 @@ from spectrabox.radiometry.chart import (
     COPIES_SINCE_2014,
     chart_reflectances,
 )
-from spectrabox.radiometry.charts.classic_copies import editions
 from spectrabox.radiometry.charts.layouts import chart_layout
+from spectrabox.radiometry.charts.references import editions
 from spectrabox.radiometry.findings import Severity
 from spectrabox.radiometry.published.published_tables import published_colours
 from spectrabox.radiometry.records.photos import PhotoKind

@@ -12,7 +12,7 @@ from spectrabox.radiometry.chart import (
     chart_reflectances,
     table_of_classic,
 )
-from spectrabox.radiometry.charts.classic_copies import editions
+from spectrabox.radiometry.charts.references import editions
 from spectrabox.radiometry.grid import FINE_GRID, grid_from_nm
 from spectrabox.radiometry.published.published_tables import COPIES as COPIES_KIND
 from spectrabox.radiometry.published.published_tables import published_names

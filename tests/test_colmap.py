@@ -14,14 +14,13 @@ from spectrabox.calibrate.geometry.lens import camera_position
 from spectrabox.calibrate.geometry.model_in_scene import model_in_scene, pose_in_scene
 from spectrabox.measure.scene.box_camera import box_camera, box_text, lens_of, scene_of
 from spectrabox.measure.shoot.captures import box_photo, stated_scene
-from spectrabox.measure.steps import scene_picture
+from spectrabox.measure.steps import pictures as scene_picture
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.session.box.box_overlay import corners_in_photo
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session, try_read_session
 from spectrabox.session.config.template import TEMPLATES
-from spectrabox.session.store.input_files import InputFiles
-from spectrabox.session.store.keys import step_keys
+from spectrabox.session.store.keys import InputFiles, step_keys
 
 CORNERS = template_box().corner_positions()
 TIES = ("back bottom left", "back bottom right", "back top left", "back top right",

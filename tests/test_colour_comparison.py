@@ -4,10 +4,10 @@ import pytest
 
 from spectrabox.measure.surfaces.colour_comparison import (
     BY_CHANCE,
+    LIGHTS,
     compare_colours,
     signal_difference,
 )
-from spectrabox.measure.surfaces.metamers import LIGHTS
 from spectrabox.measure.surfaces.surface_signals import measurement
 from spectrabox.radiometry.error_model import PHOTO_NOISE, WHITE, proportional_covariance
 from spectrabox.radiometry.grid import FINE_GRID

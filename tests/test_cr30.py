@@ -22,10 +22,9 @@ from spectrabox.capture.meter.measurement import open_instrument, take_reading, 
 from spectrabox.capture.meter.measurement_files import read_reading, store_reading
 from spectrabox.capture.meter.serial_line import Pace
 from spectrabox.capture.transcripts.cr30_traffic import cr30_traffic
-from spectrabox.capture.transcripts.player import TranscriptPlayer
+from spectrabox.capture.transcripts.player import TranscriptPlayer, replay_transcript
 from spectrabox.capture.transcripts.sniffed_traffic import read_recording
 from spectrabox.capture.transcripts.transcript import Event, Transcript
-from spectrabox.capture.transcripts.transcript_replay import replay_transcript
 from spectrabox.fixtures.line_faults import Fault, FaultKind, distortion
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding, Severity

@@ -15,10 +15,9 @@ import pytest
 from typer.testing import CliRunner
 
 from spectrabox.capture.meter.measurement_files import _reserved, chart_and_patch, patch_names
-from spectrabox.capture.transcripts.player import TranscriptPlayer
+from spectrabox.capture.transcripts.player import TranscriptPlayer, replay_transcript
 from spectrabox.capture.transcripts.sniffed_traffic import read_recording
 from spectrabox.capture.transcripts.transcript import Transcript
-from spectrabox.capture.transcripts.transcript_replay import replay_transcript
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.charts.layouts import LAYOUTS, chart_layout
 from spectrabox.radiometry.charts.references import measured_chart, reference_reflectances
@@ -27,7 +26,7 @@ from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.session.cli import app
-from spectrabox.session.meters.chart_picture import _usual, chart_picture, nearer_patch
+from spectrabox.session.meters.readers import _usual, chart_picture, nearer_patch
 
 from tests.cr30_player import FOLDER, measurements, playing, steps_of
 

@@ -14,8 +14,8 @@ from spectrabox.radiometry.error_model import (
     sensitivity_covariance,
 )
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix, visible_grid
+from spectrabox.radiometry.interreflection import response_matrix, white_signal
 from spectrabox.radiometry.records.spectra import SurfaceSignals
-from spectrabox.radiometry.response import response_matrix, white_signal
 
 READINGS = visible_grid(20)
 

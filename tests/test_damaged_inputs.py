@@ -23,7 +23,7 @@ from spectrabox.radiometry.system.archives import (
     opened_zip,
     unpacked,
 )
-from spectrabox.session.store.store import load_stage, save_stage, stage_folder
+from spectrabox.session.store.record_files import load_stage, save_stage, stage_folder
 
 from tests.damaged_inputs import subjects
 

@@ -45,7 +45,7 @@ from spectrabox.radiometry.spectra.named_spectra import test_reflectances as pub
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.terminal.examples import EXAMPLES
+from spectrabox.session.terminal.command_help import EXAMPLES
 
 from tests import test_beam as wall
 from tests import test_geometry_commands as geometry

@@ -16,12 +16,12 @@ from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.fixtures.paints import NM
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
-from spectrabox.session.report.safe_json import plain_values
+from spectrabox.session.report.pictures import plain_values
 
 # a session keeps records under keys, draws its photos and lays out a report
 LAYOUT = ("measure/steps/declared_steps.py", "capture/photo/image_writers.py",
           "capture/photo/preview.py", "capture/photo/metadata.py", "measure/words.py",
-          "measure/plot_style.py", "measure/surfaces/metamers.py")
+          "measure/plots.py", "measure/surfaces/colour_comparison.py")
 # what the report and files beside it alone show of a result, the choice of a kept one's kind, and
 # what its keys ask
 NAMED = {"result_of", "lab_error", "srgb", "untested", "mostly_in_doubt", "in_doubt", "words",

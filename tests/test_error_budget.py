@@ -13,17 +13,16 @@ from spectrabox.measure.surfaces.surface_signals import (
     relative_errors,
     scene_signals,
 )
-from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.error_model import (
     light_covariance,
     sensitivity_covariance,
     with_common_error,
 )
-from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
+from spectrabox.radiometry.grid import basis_matrix, interpolation_matrix, visible_grid
+from spectrabox.radiometry.interreflection import response_matrix, white_signal
 from spectrabox.radiometry.records.calibration import Calibration, LightScale, SensitivityFit
 from spectrabox.radiometry.records.scenes import JointReconstruction
 from spectrabox.radiometry.records.spectra import Outcome, Quantity, Spectrum, SurfaceSignals
-from spectrabox.radiometry.response import response_matrix, white_signal
 
 GRID = visible_grid(5)
 BASIS = basis_matrix(GRID.nm, 12)

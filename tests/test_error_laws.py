@@ -32,10 +32,10 @@ from spectrabox.calibrate.spline_fit import fit_bands
 from spectrabox.calibrate.trust import fit_findings
 from spectrabox.capture.chart.patches import VARIANCE_LEFT_BY_CLIPPING, sample_patches
 from spectrabox.measure.more_bands.joined_errors import _of_cause
-from spectrabox.measure.surfaces.independent_bands import independent_bands
-from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.measure.surfaces.colour_comparison import independent_bands
 from spectrabox.radiometry.covariance import common_variance, is_covariance
 from spectrabox.radiometry.error_model import DISAGREEMENT
+from spectrabox.radiometry.grid import basis_matrix
 from spectrabox.radiometry.records.calibration import ChartWhite
 from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PhotoKind
 from spectrabox.radiometry.records.scenes import SurfaceAgreement

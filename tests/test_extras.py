@@ -23,8 +23,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.spectra.spectrum_files import read_table
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.session.batch.batch import kept_outcomes, run_batch
-from spectrabox.session.batch.manifest import program_of_batch
-from spectrabox.session.batch.overview import batch_facts, batch_text, write_page
+from spectrabox.session.batch.overview import batch_facts, batch_text, program_of_batch, write_page
 from spectrabox.session.batch.tasks import Order
 
 from benchmarks.bench_extras import Tally, answers_of, drawn_case
@@ -35,12 +34,12 @@ OF_A_REPORT = {
     "spectrabox.measure.results.capture_result.advice_on_capture": "advice",
     "spectrabox.measure.results.surface_result.metamer_pair":
         "comparison of spectra that look alike",
-    "spectrabox.session.report.metamers.Markup": "picture of spectra that look alike",
+    "spectrabox.session.report.cards.Markup": "picture of spectra that look alike",
     "spectrabox.session.report.page.field_whiskers": "picture of the light on regions",
-    "spectrabox.session.report.flat_figures.picture_data_uri": "picture of the photo",
-    "spectrabox.session.report.flat_figures._colour_bar": "picture of the light over the photo",
+    "spectrabox.session.report.figures.picture_data_uri": "picture of the photo",
+    "spectrabox.session.report.figures._colour_bar": "picture of the light over the photo",
     "spectrabox.session.report.spectra.surface_curves": "picture of the spectrum",
-    "spectrabox.session.report.small_figures.band_colours": "picture of the error budget",
+    "spectrabox.session.report.figures.band_colours": "picture of the error budget",
     "spectrabox.session.report.figures.css_colour": "picture of the irradiance over the chart",
     "spectrabox.session.report.sections.swatch_pairs": "section on the chart",
     "spectrabox.session.report.page.render_report": "full report"}
@@ -104,7 +103,7 @@ def test_an_extra_that_fails_is_named_and_the_answer_stands(session, monkeypatch
 
 @pytest.mark.parametrize("needed, extra", [
     ("spectrabox.measure.steps.photos.signal_rgb8", "picture 'preview'"),
-    ("spectrabox.measure.steps.charts.chart_overlay", "picture 'overlay'")])
+    ("spectrabox.measure.steps.photos.chart_overlay", "picture 'overlay'")])
 def test_a_picture_that_a_stage_cannot_draw_is_a_note(measured, tmp_path, monkeypatch, needed,
                                                       extra):
     folder, expected = measured
@@ -133,7 +132,7 @@ def test_a_chart_is_judged_without_its_edition(measured, monkeypatch):
     folder, _ = measured
     photo = folder / "photos" / "sample.dng"
     good = json.loads(call("chart", photo, "--json").stdout)
-    monkeypatch.setattr("spectrabox.measure.chart_edition.calibrate_chart", fails)
+    monkeypatch.setattr("spectrabox.measure.chart_patches.calibrate_chart", fails)
     outcome = call("chart", photo, "--json")
     facts = json.loads(outcome.stdout)
     assert outcome.exit_code == 0 and f"ValueError: {WHY}" in facts["edition"]["says"]

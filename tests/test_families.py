@@ -4,20 +4,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from spectrabox.sampling.prior.families import leaves, made_materials, natural_materials, skin
+from spectrabox.sampling.prior.families import layered, leaves, made_materials
 from spectrabox.sampling.prior.families.family_models import true_reflectances
-from spectrabox.sampling.prior.families.kubelka_munk import (
+from spectrabox.sampling.prior.families.layered import (
     absorption_of,
     behind_surface,
     reflectance_of,
 )
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
 
-FAMILIES = {made.__name__: made for made in (
-    skin.skin, skin.skin_in_two_fluxes, skin.skin_by_absorbance, leaves.leaves, leaves.petals,
-    leaves.green_tissue, leaves.petal_tissue, made_materials.textile, made_materials.plastic,
-    made_materials.paper, made_materials.whites, made_materials.tiles, natural_materials.soils,
-    natural_materials.woods, natural_materials.animals)}
+FAMILIES = {
+    made.__name__: made
+    for made in (layered.skin, layered.skin_in_two_fluxes, layered.skin_by_absorbance,
+                 leaves.leaves, leaves.petals, leaves.green_tissue, leaves.petal_tissue,
+                 made_materials.textile, made_materials.plastic, made_materials.paper,
+                 made_materials.whites, made_materials.tiles, layered.soils, layered.woods,
+                 layered.animals)
+}
 
 
 @pytest.mark.parametrize("name", FAMILIES)
@@ -100,7 +103,8 @@ def test_pigments_of_plants_absorb_where_they_are_known_to():
     assert peak["anthocyanins"].min() >= 425 and peak["anthocyanins"].max() <= 605
 
 
-@pytest.mark.parametrize("make", [skin.skin, skin.skin_in_two_fluxes, skin.skin_by_absorbance])
+@pytest.mark.parametrize("make", [layered.skin, layered.skin_in_two_fluxes,
+                                  layered.skin_by_absorbance])
 def test_skin_shows_the_two_bands_of_oxygenated_blood(make):
     made = np.log(make(np.random.default_rng(1), 2000))
     at = {nm: made[:, np.flatnonzero(PRIOR_GRID.nm == nm)[0]]
@@ -163,7 +167,7 @@ def test_yellowing_makes_whites_fall_towards_the_blue():
 
 
 def test_iron_makes_soils_rise_to_the_red():
-    made = natural_materials.soils(np.random.default_rng(7), 2000)
+    made = layered.soils(np.random.default_rng(7), 2000)
     assert np.mean(made[:, -1] > made[:, 0]) > 0.99
 
 
@@ -197,8 +201,8 @@ def test_blood_in_vessels_absorbs_less_than_the_same_blood_spread_out(monkeypatc
     found = []
     for radius_cm in (1e-9, 1e-3, 4e-3):
         with monkeypatch.context() as patched:
-            fixed(patched, skin, "log_uniform", (5e-4, 4e-3), radius_cm)
-            found.append(skin._layers(np.random.default_rng(3), 50)[1])
+            fixed(patched, layered, "log_uniform", (5e-4, 4e-3), radius_cm)
+            found.append(layered._layers(np.random.default_rng(3), 50)[1])
     spread, narrow, wide = found
     assert np.all(narrow < spread) and np.all(wide < narrow)
     violet, red = PRIOR_GRID.nm.tolist().index(420), PRIOR_GRID.nm.tolist().index(680)

@@ -15,8 +15,12 @@ from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.sensitivity import fit_with_prior
 from spectrabox.measure.advice.advise import TO_FINE, advice_on_signal
 from spectrabox.measure.advice.forecast import outlook_of
-from spectrabox.measure.more_bands.filter_fit import filter_from_charts
-from spectrabox.measure.more_bands.further_photos import LampsAtHand, photos_at_hand, white_of_bands
+from spectrabox.measure.more_bands.filter_fit import (
+    LampsAtHand,
+    filter_from_charts,
+    photos_at_hand,
+    white_of_bands,
+)
 from spectrabox.radiometry.chart import REFERENCES
 from spectrabox.radiometry.error_model import curve_errors, filter_errors
 from spectrabox.radiometry.errors import InputError

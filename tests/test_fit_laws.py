@@ -9,8 +9,7 @@ import pytest
 from scipy import linalg
 from test_reconstruct_fit import BASIS, COUNT, GROUP, REGIONS, case, fit_spectra, model, transport
 
-from spectrabox.reconstruct.fit.identifiability import HIDDEN_ERROR, band_signals
-from spectrabox.reconstruct.fit.traced_view import TracedView
+from spectrabox.reconstruct.fit.transport_fit import HIDDEN_ERROR, TracedView, band_signals
 from spectrabox.reconstruct.fit.view_terms import Nuisances, ViewTerms, compress
 from spectrabox.reconstruct.scene.surfaces import region_means
 from spectrabox.reconstruct.tracer.transport import TracedTransport, joined

@@ -28,8 +28,12 @@ from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import read_spectrum, table_text
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.flat.look import write_picture
-from spectrabox.session.flat.new_session import known_file, new_session, tables_without_regions
+from spectrabox.session.flat.new_session import (
+    known_file,
+    new_session,
+    tables_without_regions,
+    write_picture,
+)
 from spectrabox.session.store.locks import only_writer
 
 from tests.session_runs import run

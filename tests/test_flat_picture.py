@@ -15,12 +15,12 @@ from spectrabox.fixtures.demos.demo_photos import camera_sensitivities
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.fixtures.paints import NM
 from spectrabox.measure.pictures import pixel_spectra
-from spectrabox.measure.steps.flat_picture import lit_photo
+from spectrabox.measure.steps.pictures import lit_photo
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.outputs.write_outputs import write_outputs
+from spectrabox.session.outputs.run_outputs import write_outputs
 from spectrabox.session.terminal.progress_display import with_time_left
 
 from tests.session_runs import run

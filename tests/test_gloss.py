@@ -13,8 +13,8 @@ from spectrabox.radiometry.error_model import (
 )
 from spectrabox.radiometry.gloss import KINDS, SURFACE_WORDS, draw_gloss, gloss_states
 from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.interreflection import response_matrix
 from spectrabox.radiometry.records.spectra import SurfaceSignals
-from spectrabox.radiometry.response import response_matrix
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances as published
 from spectrabox.sampling.prior.mixture import load_prior
 from spectrabox.sampling.prior.signal_posterior import solve_posterior

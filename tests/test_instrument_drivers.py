@@ -16,9 +16,8 @@ from spectrabox.capture.meter.instruments.instrument_errors import (
     WrongInstrumentError,
 )
 from spectrabox.capture.meter.serial_line import Pace, SerialLine
-from spectrabox.capture.transcripts.player import TranscriptPlayer
+from spectrabox.capture.transcripts.player import TranscriptPlayer, replay_transcript
 from spectrabox.capture.transcripts.transcript import Event, read_transcript
-from spectrabox.capture.transcripts.transcript_replay import replay_transcript
 from spectrabox.fixtures.meter_transcripts import FOLDER, all_meters, clean_meters
 from spectrabox.radiometry.appearance import luminance_of
 from spectrabox.radiometry.errors import InputError

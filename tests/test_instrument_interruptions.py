@@ -6,12 +6,11 @@ import pytest
 
 from spectrabox.capture.meter.measurement import open_instrument, trusted_identity
 from spectrabox.capture.meter.serial_line import Pace
-from spectrabox.capture.transcripts.player import TranscriptPlayer
-from spectrabox.capture.transcripts.transcript_replay import settings_of
+from spectrabox.capture.transcripts.player import TranscriptPlayer, settings_of
 from spectrabox.fixtures.line_faults import Fault, FaultKind, distortion
 from spectrabox.fixtures.meter_transcripts import changed_meters
 from spectrabox.radiometry.errors import EnvironmentProblem
-from spectrabox.session.terminal.interruption import SIGNALS, held, stop_on_signals
+from spectrabox.session.terminal.progress_display import SIGNALS, held, stop_on_signals
 
 from tests.interrupted_instruments import conversation, interruptions, run, settings_left
 

@@ -15,11 +15,13 @@ from spectrabox.capture.meter.measurement_files import (
     store_reading,
     stored_readings,
 )
-from spectrabox.capture.meter.measurement_series import reflectance_from, series_of, series_spectrum
-from spectrabox.capture.meter.meter_calibration import (
+from spectrabox.capture.meter.measurement_series import (
     MeterCalibration,
     read_calibration,
+    reflectance_from,
     require_comparable,
+    series_of,
+    series_spectrum,
 )
 from spectrabox.measure import texts
 from spectrabox.radiometry.errors import CheckError, EnvironmentProblem, InputError

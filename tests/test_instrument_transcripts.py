@@ -13,8 +13,8 @@ from spectrabox.capture.meter.instruments.instrument_errors import (
 from spectrabox.capture.meter.instruments.interface import Identity, MeterSettings
 from spectrabox.capture.meter.measurement import open_instrument, take_reading, trusted_identity
 from spectrabox.capture.meter.serial_line import Pace
-from spectrabox.capture.transcripts import transcript_replay
-from spectrabox.capture.transcripts.player import TranscriptPlayer
+from spectrabox.capture.transcripts import player as transcript_replay
+from spectrabox.capture.transcripts.player import TranscriptPlayer, record, replay_transcript
 from spectrabox.capture.transcripts.transcript import (
     Event,
     TranscriptWriter,
@@ -22,7 +22,6 @@ from spectrabox.capture.transcripts.transcript import (
     read_transcript,
     unescaped,
 )
-from spectrabox.capture.transcripts.transcript_replay import record, replay_transcript
 from spectrabox.fixtures.meter_transcripts import FOLDER
 from spectrabox.radiometry.errors import InputError
 

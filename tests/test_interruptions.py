@@ -10,14 +10,14 @@ import pytest
 
 from spectrabox.radiometry import files
 from spectrabox.radiometry.files import UNFINISHED, whole_file
-from spectrabox.session.store import store
-from spectrabox.session.store.store import load_stage, save_stage, stage_folder
-from spectrabox.session.terminal.interruption import SIGNALS, held, stop_on_signals
+from spectrabox.session.store import record_files
+from spectrabox.session.store.record_files import load_stage, save_stage, stage_folder
+from spectrabox.session.terminal.progress_display import SIGNALS, held, stop_on_signals
 
 # Between a file's opening and its block, an interrupt leaves it to the collector to close it.
 pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning",
                                         "ignore::pytest.PytestUnraisableExceptionWarning")
-TRACED = tuple(str(Path(module.__file__)) for module in (store, contextlib, files))
+TRACED = tuple(str(Path(module.__file__)) for module in (record_files, contextlib, files))
 
 
 @pytest.fixture(autouse=True)

@@ -137,7 +137,7 @@ def test_a_signal_ends_a_run_as_an_interrupt_does(captured, number):
 
 
 def test_a_signal_that_is_ignored_stays_ignored():
-    from spectrabox.session.terminal.interruption import SIGNALS, stop_on_signals
+    from spectrabox.session.terminal.progress_display import SIGNALS, stop_on_signals
     before = {number: signal.getsignal(number) for number in SIGNALS}
     try:
         signal.signal(signal.SIGHUP, signal.SIG_IGN)

@@ -11,9 +11,8 @@ from typer.testing import CliRunner
 from spectrabox.capture.photo.image_writers import write_exr
 from spectrabox.fixtures.demos.demo_scenes import box_scene
 from spectrabox.radiometry.errors import CalibrationError, InputError
-from spectrabox.radiometry.interreflection import signal
+from spectrabox.radiometry.interreflection import response_matrix, signal
 from spectrabox.radiometry.records.spectra import Outcome
-from spectrabox.radiometry.response import response_matrix
 from spectrabox.reconstruct.rendering.renderer import load_scene, render
 from spectrabox.reconstruct.scene.edit_scene import light_number, move_light, with_light_moved
 from spectrabox.reconstruct.scene.light_position import PositionSettings, refine_light_position

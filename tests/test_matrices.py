@@ -8,7 +8,7 @@ from spectrabox.calibrate.chart_calibration import calibrate_chart
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.colour_profile import fit_transform
 from spectrabox.measure.plots import plot_matrices
-from spectrabox.measure.profiles.matrix_comparison import (
+from spectrabox.measure.profiles.camera_profile import (
     FITTED,
     MEASURED,
     PHOTOGRAPHED,

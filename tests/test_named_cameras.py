@@ -24,16 +24,15 @@ from spectrabox.radiometry.published.published_tables import (
     published_curves,
     published_names,
 )
-from spectrabox.radiometry.spectra import kept_cameras
+from spectrabox.radiometry.spectra import cameras
 from spectrabox.radiometry.spectra.named_spectra import (
     light,
     sensitivities,
     spectrum_of_name,
 )
-from spectrabox.radiometry.system.known_names import known_name, nearest_names
+from spectrabox.radiometry.system.words import known_name, nearest_names
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.store.input_files import InputFiles
-from spectrabox.session.store.keys import step_keys
+from spectrabox.session.store.keys import InputFiles, step_keys
 
 from tests.session_runs import call
 
@@ -44,7 +43,7 @@ SIGNAL = ["--light", "D65", "--signal", "0.3,0.3,0.2", "--noise", "0.01,0.01,0.0
 @pytest.fixture(autouse=True)
 def own(tmp_path, monkeypatch):
     """The folder of one's own cameras, empty."""
-    monkeypatch.setenv(kept_cameras.FOLDER, str(tmp_path / "cameras"))
+    monkeypatch.setenv(cameras.FOLDER, str(tmp_path / "cameras"))
     return tmp_path / "cameras"
 
 
@@ -115,7 +114,7 @@ def test_the_cameras_that_ship_are_those_of_the_prior_and_as_published():
     ("Canon EOS 5D Mark III 0320301234", None), ("NIKON CORPORATION NIKON D8100", None),
     ("Spectrabox Synthetic 5100 DEMO-1", None), ("", None)])
 def test_a_camera_is_known_by_what_its_photos_state(stated, known):
-    assert kept_cameras.known_camera(stated) == known
+    assert cameras.known_camera(stated) == known
 
 
 def test_check_offers_the_curves_of_a_known_camera(tmp_path):
@@ -163,7 +162,7 @@ def test_nothing_to_keep_is_an_error(tmp_path, own, source, said):
     ("../evil", "begins with a letter or a digit")])
 def test_a_name_that_would_mislead_is_refused(own, name, said):
     with pytest.raises(InputError, match=said):
-        kept_cameras.keep_camera(name, NM, {"R": three(1)[0]}, "me")
+        cameras.keep_camera(name, NM, {"R": three(1)[0]}, "me")
     assert not own.exists()
 
 
@@ -200,13 +199,13 @@ def test_a_session_names_a_camera_of_ones_own_and_notices_another(captured, tmp_
     curves = sensitivities("Nikon 5100 (NPL)", visible_grid(5))
     nm = visible_grid(5).nm
     assert call("camera", "add", rawtoaces_file(tmp_path, "Mine", curves, nm)).exit_code == 0
-    [kept] = kept_cameras.own_cameras()
+    [kept] = cameras.own_cameras()
     config = with_camera(captured, kept)
 
     def key():
         return step_keys(config.capture(), InputFiles(config))["calibrate"]
     before = key()
-    path = kept_cameras.own_cameras()[kept]
+    path = cameras.own_cameras()[kept]
     text = path.read_text(encoding="utf-8")
     path.write_text(text + "\n", encoding="utf-8")
     assert key() == before          # the same curves
@@ -285,7 +284,7 @@ def test_a_camera_of_python_is_that_of_its_name(written, name, bands, tmp_path):
 
 
 def test_a_camera_of_python_may_be_ones_own_and_a_typo_is_answered(own):
-    kept_cameras.keep_camera("Lab 2026", NM, dict(zip("RGB", three(0), strict=True)), "measured")
+    cameras.keep_camera("Lab 2026", NM, dict(zip("RGB", three(0), strict=True)), "measured")
     assert sb.camera("lab 2026").name == "Lab 2026"
     with pytest.raises(InputError, match="nearest are Lab 2026"):
         sb.camera("Labb 2026")

@@ -268,7 +268,7 @@ def test_a_run_that_is_stopped_while_it_begins_prints_no_traceback(session, seco
 PAGE_OF_A_STUBBORN_RUN = """
 import sys
 from pathlib import Path
-from spectrabox.session.terminal.interruption import stop_on_signals
+from spectrabox.session.terminal.progress_display import stop_on_signals
 from spectrabox.session.page.server import serve
 from spectrabox.session.page.session_page import SessionPage
 stop_on_signals()

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
-from spectrabox.radiometry.spectra.resampling import pchip
+from spectrabox.radiometry.grid import pchip
 
 
 @pytest.mark.parametrize("knots", [2, 3, 4, 11, 40])

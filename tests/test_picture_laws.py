@@ -14,15 +14,14 @@ from test_posterior_laws import SMOOTH, mixture_of
 from test_sampling_uplift import painted
 
 from spectrabox.capture.photo.registration import resampled
+from spectrabox.measure.pictures import photo_white as references
 from spectrabox.measure.pictures import pixel_spectra, scene_light
-from spectrabox.measure.pictures import reference_surfaces as references
 from spectrabox.measure.pictures.crop import Crop
 from spectrabox.measure.pictures.illumination import Illumination, even_light, light_adaptation
 from spectrabox.measure.pictures.lit_photo import GREY, LitPhoto
-from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
-from spectrabox.measure.pictures.pixel_flags import CLIPPED, SEEN
+from spectrabox.measure.pictures.photo_white import ReferenceSurfaces
+from spectrabox.measure.pictures.pixel_errors import CLIPPED, SEEN, PixelErrors, White
 from spectrabox.measure.pictures.pixel_spectra import KeptWavelengths, plan_spectra, survey_rows
-from spectrabox.measure.pictures.reference_surfaces import ReferenceSurfaces
 from spectrabox.measure.pictures.shown_bands import shown_bands
 from spectrabox.radiometry.gloss import gloss_states
 from spectrabox.radiometry.grid import visible_grid

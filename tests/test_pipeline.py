@@ -17,7 +17,7 @@ from spectrabox.radiometry.files import sha256_of
 from spectrabox.sampling.prior.mixture import load_prior, of_families, reflectance_moments
 from spectrabox.sampling.spectral_measurement import response_on, without_states
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.kept_stages import load_finished, stage_states
+from spectrabox.session.pipeline import load_finished, stage_states
 
 from tests.session_runs import edit, run
 
@@ -120,7 +120,7 @@ def test_control_c_ends_a_run_with_130_and_the_run_can_go_on(captured):
 
 
 def test_the_recovered_signals_are_those_of_the_truth(finished):
-    from spectrabox.radiometry.response import response_matrix
+    from spectrabox.radiometry.interreflection import response_matrix
     from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
     run = load_finished(read_session(finished))
     capture, records = run.capture, run.records

@@ -7,8 +7,8 @@ from test_calibrate_geometry import photo
 from spectrabox.calibrate.geometry.lens import Lens
 from spectrabox.calibrate.geometry.projection import undistorted
 from spectrabox.capture.chart.patches import image_from_sensor, pixels_inside, sample_patches
-from spectrabox.capture.photo.binning import bin_image
 from spectrabox.capture.photo.black_level import masked_black
+from spectrabox.capture.photo.preview import bin_image
 from spectrabox.radiometry.records.photos import ChartDetection
 
 QUAD = np.array([[12.2, 10.7], [71.3, 14.1], [66.9, 59.6], [15.4, 55.2]])

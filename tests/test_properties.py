@@ -27,7 +27,7 @@ from spectrabox.radiometry.system.words import (
 )
 from spectrabox.reconstruct.scene.scene_xml import materials_xml
 from spectrabox.session.config.session_file import try_read_session
-from spectrabox.session.store.store import load_stage, save_stage, stage_folder
+from spectrabox.session.store.record_files import load_stage, save_stage, stage_folder
 
 few = settings(max_examples=60, deadline=None, derandomize=True, database=None)
 NM = np.array([400.0, 500.0, 600.0])

@@ -26,7 +26,7 @@ from spectrabox.reconstruct.agreement import (
     surface_covariance,
     usable_pixels,
 )
-from spectrabox.reconstruct.rendering.irradiance import patch_irradiance
+from spectrabox.reconstruct.rendering.renderer import patch_irradiance
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.scene.surfaces import block_regions, region_means
 

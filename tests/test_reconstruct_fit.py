@@ -7,14 +7,22 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
-from spectrabox.radiometry.bspline import basis_matrix
-from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.interreflection import exponents_up_to
+from spectrabox.radiometry.grid import basis_matrix, visible_grid
+from spectrabox.radiometry.interreflection import (
+    exponents_up_to,
+    relative_operator,
+    response_matrix,
+)
 from spectrabox.radiometry.records.spectra import Outcome
-from spectrabox.radiometry.response import relative_operator, response_matrix
-from spectrabox.reconstruct.fit.identifiability import band_signals, identifiability, sentences
-from spectrabox.reconstruct.fit.spectrum_prior import SpectrumPrior, learnt_prior, smooth_prior
-from spectrabox.reconstruct.fit.transport_fit import fit_views
+from spectrabox.reconstruct.fit.transport_fit import (
+    SpectrumPrior,
+    band_signals,
+    fit_views,
+    identifiability,
+    learnt_prior,
+    sentences,
+    smooth_prior,
+)
 from spectrabox.reconstruct.fit.view_terms import (
     Nuisances,
     SpectrumModel,

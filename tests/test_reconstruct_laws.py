@@ -10,8 +10,7 @@ import pytest
 from scipy import stats
 from test_reconstruct_fit import COUNT, GROUP, case, fit_spectra, model
 
-from spectrabox.radiometry.bspline import basis_matrix
-from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.grid import basis_matrix, visible_grid
 from spectrabox.reconstruct import transport_engine
 from spectrabox.reconstruct.agreement import (
     FIELD_TERMS,
@@ -19,9 +18,7 @@ from spectrabox.reconstruct.agreement import (
     edge_shift,
     within_to_block,
 )
-from spectrabox.reconstruct.fit.identifiability import band_signals
-from spectrabox.reconstruct.fit.spectrum_prior import greville_abscissae
-from spectrabox.reconstruct.fit.traced_view import TracedView
+from spectrabox.reconstruct.fit.transport_fit import TracedView, band_signals, greville_abscissae
 from spectrabox.reconstruct.fit.view_terms import Nuisances, ViewTerms, compress
 from spectrabox.reconstruct.gradient_engine import WINDOW, stalled
 from spectrabox.reconstruct.inverse_rendering import joint_record
@@ -30,7 +27,7 @@ from spectrabox.reconstruct.pixel_light import LightNodes
 from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
 from spectrabox.reconstruct.replay import Truth, _gains, _photographed
 from spectrabox.reconstruct.scene.light_position import _solve, _whitening
-from spectrabox.reconstruct.scene.light_profile import read_profile, relative_radiance
+from spectrabox.reconstruct.scene.scene_file import read_profile, relative_radiance
 from spectrabox.reconstruct.scene.surfaces import hits_of, region_means
 from spectrabox.reconstruct.tracer.transport import TracedTransport
 

@@ -11,12 +11,14 @@ from scipy.stats import t as student
 
 from spectrabox.fixtures.cornell_box import MATERIALS, cornell_box_xml
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.interreflection import signal
-from spectrabox.radiometry.response import response_matrix
-from spectrabox.reconstruct.rendering.irradiance import patch_irradiance
-from spectrabox.reconstruct.rendering.renderer import load_scene, render
-from spectrabox.reconstruct.scene.light_profile import TABLE_DEG, read_profile, relative_radiance
-from spectrabox.reconstruct.scene.scene_file import read_scene
+from spectrabox.radiometry.interreflection import response_matrix, signal
+from spectrabox.reconstruct.rendering.renderer import load_scene, patch_irradiance, render
+from spectrabox.reconstruct.scene.scene_file import (
+    TABLE_DEG,
+    read_profile,
+    read_scene,
+    relative_radiance,
+)
 from spectrabox.reconstruct.tracer.transport import trace_transport
 from spectrabox.reconstruct.transport_engine import unit_scene
 

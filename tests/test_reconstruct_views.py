@@ -14,7 +14,7 @@ from spectrabox.radiometry.interreflection import band_products, exponents_up_to
 from spectrabox.radiometry.records.scenes import JointReconstruction, LearntSpectra
 from spectrabox.radiometry.records.spectra import Outcome, Quantity, Spectrum
 from spectrabox.reconstruct import transport_engine
-from spectrabox.reconstruct.fit.spectrum_prior import spectrum_prior
+from spectrabox.reconstruct.fit.transport_fit import spectrum_prior
 from spectrabox.reconstruct.inverse_rendering import reconstruct, reconstruct_views
 from spectrabox.reconstruct.tracer.transport import shaded_images
 from spectrabox.reconstruct.transport_engine import unit_scene

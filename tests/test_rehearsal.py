@@ -7,15 +7,15 @@ import pytest
 from typer.testing import CliRunner
 
 from spectrabox.measure.scene import rehearsal
-from spectrabox.measure.scene.rehearsed import Rehearsed
+from spectrabox.measure.scene.rehearsal import Rehearsed
 from spectrabox.measure.steps.inversion import settings_of, views_of
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.agreement import within_to_block
 from spectrabox.reconstruct.replay import Truth, _patterns, _photographed, replay, set_stage
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.kept_stages import load_finished
-from spectrabox.session.rehearsal import rehearse
+from spectrabox.session.pipeline import load_finished
+from spectrabox.session.replayed import rehearse
 from spectrabox.session.store.rehearsals import save_rehearsal, stored_rehearsal
 
 from tests.session_runs import edit, run, silent

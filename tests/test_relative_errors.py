@@ -17,13 +17,13 @@ from spectrabox.radiometry.error_model import (
     split_errors,
 )
 from spectrabox.radiometry.records.spectra import (
+    CaptureStates,
     Outcome,
     SignalError,
     SpectralMeasurement,
     SpectrumSamples,
     SurfaceSignals,
 )
-from spectrabox.radiometry.records.states import CaptureStates
 from spectrabox.sampling.prior.calibrated_marginals import marginal_moments
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, drawn_reflectances, load_prior
 from spectrabox.sampling.prior.mixture_posterior import (

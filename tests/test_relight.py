@@ -14,7 +14,7 @@ from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.relight import OBSERVER
+from spectrabox.session.replayed import OBSERVER
 from spectrabox.session.store.locks import outputs_writer
 
 from tests.killed_runs import started

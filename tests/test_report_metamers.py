@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from report_example import example_session
 
-from spectrabox.measure.surfaces.metamers import LIGHTS, metamer_pair
+from spectrabox.measure.surfaces.colour_comparison import LIGHTS, metamer_pair
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records.spectra import Outcome, SpectrumSamples
 from spectrabox.radiometry.spectra.named_spectra import relative_response
-from spectrabox.session.report.metamers import metamer_drawing, metamer_facts
+from spectrabox.session.report.cards import metamer_drawing, metamer_facts
 from spectrabox.session.report.numbers import scene_numbers
 from spectrabox.session.report.page import render_report
 

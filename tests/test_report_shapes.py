@@ -13,17 +13,17 @@ from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.records.calibration import HeldOutPatches, PriorInfluence
 from spectrabox.radiometry.spectra.named_spectra import relative_response
 from spectrabox.sampling.prior.mixture import load_prior
-from spectrabox.session.report.numbers import report_numbers, scene_numbers
-from spectrabox.session.report.page import render_report
-from spectrabox.session.report.patch_colours import swatch_pairs
-from spectrabox.session.report.safe_json import plain_values
-from spectrabox.session.report.small_figures import (
+from spectrabox.session.report.figures import (
     GAP,
     LEFT,
     ROW,
     WIDTH,
     prior_share_figure,
 )
+from spectrabox.session.report.numbers import report_numbers, scene_numbers
+from spectrabox.session.report.page import render_report
+from spectrabox.session.report.pictures import plain_values
+from spectrabox.session.report.spectra import swatch_pairs
 
 SOILED = 7
 WHITE_PATCH = (240, 240, 232)   # of the reference below under D65, as sRGB
@@ -159,7 +159,7 @@ def test_a_patch_without_signal_comes_first_and_striped(session):
 
 
 def test_of_a_large_chart_the_worst_are_large_and_the_others_folded_away(session, monkeypatch):
-    monkeypatch.setattr("spectrabox.session.report.patch_colours.MAX_LARGE", 10)
+    monkeypatch.setattr("spectrabox.session.report.spectra.MAX_LARGE", 10)
     page = render_report(session).page
     assert "The other 14 patches" in page
     folded = page.split("The other 14 patches")[1].split("</details>")[0]

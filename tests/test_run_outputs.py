@@ -5,7 +5,7 @@ import shutil
 import pytest
 
 from spectrabox.measure.advice.advice import Advised
-from spectrabox.measure.scene.rehearsed import Rehearsed, RehearsedMaterial
+from spectrabox.measure.scene.rehearsal import Rehearsed, RehearsedMaterial
 from spectrabox.radiometry.files import sha256_of
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.outputs.run_outputs import rewritten_outputs

@@ -7,8 +7,8 @@ import pytest
 from sampling_cameras import camera, grey, measurement
 from scipy.stats import chi2
 
-from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import basis_matrix
 from spectrabox.sampling.polytope import bounds, simplex
 from spectrabox.sampling.polytope.bounds import (
     bounds_of_many,

@@ -6,11 +6,10 @@ import pytest
 from sampling_cameras import camera, grey, measurement, response, seen, surface
 from scipy.integrate import trapezoid
 
-from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import basis_matrix
 from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.sampling.draw_methods import draw_spectra
-from spectrabox.sampling.error_budget import METAMERISM, grown_by_causes
 from spectrabox.sampling.evaluation.metrics import (
     coverage,
     curve_coverage,
@@ -27,6 +26,7 @@ from spectrabox.sampling.polytope.refinement import (
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.sampling.prior.mixture_posterior import mean_and_spread, posterior, with_floor
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
+from spectrabox.sampling.summary import METAMERISM, grown_by_causes
 from spectrabox.sampling.uniform import into_reach
 
 TRUTH = surface(PRIOR_GRID.nm, 7)

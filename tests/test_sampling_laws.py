@@ -14,12 +14,11 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.gloss import gloss_states
 from spectrabox.radiometry.records.scenes import LightTransport
 from spectrabox.radiometry.records.spectra import Outcome
-from spectrabox.sampling.error_budget import shares_by_cause
 from spectrabox.sampling.evaluation.identification import ALIKE_NM, identify
 from spectrabox.sampling.evaluation.metrics import curve_band
 from spectrabox.sampling.further.more_measurements import MoreMeasurement, Reading, check_possible
 from spectrabox.sampling.prior.calibrated_marginals import COARSE, marginal_moments
-from spectrabox.sampling.prior.families import skin
+from spectrabox.sampling.prior.families import layered
 from spectrabox.sampling.prior.families.leaves import leaf
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, reflectance
 from spectrabox.sampling.prior.mixture_posterior import (
@@ -39,7 +38,7 @@ from spectrabox.sampling.scene.joint_posterior import (
 )
 from spectrabox.sampling.scene.joint_sampling import sample_joint
 from spectrabox.sampling.scene.scene_draws import shared_errors, surprise
-from spectrabox.sampling.summary import READING_ERROR
+from spectrabox.sampling.summary import READING_ERROR, shares_by_cause
 
 from tools.prior_training import FLOOR, MIN_CURVES, fit_mixture
 
@@ -364,7 +363,7 @@ def test_a_plate_that_absorbs_nothing_returns_all_light_and_sends_some_through(i
 def test_blood_of_150_grams_a_litre_passes_a_tenth_for_every_unit_of_absorbance():
     molar = 150 / 64_500        # mol / l of haemoglobin
     extinction_cm, depth_cm = 53_236.0, 0.004
-    assert np.exp(-skin.MOLAR_BLOOD * extinction_cm * depth_cm) == pytest.approx(
+    assert np.exp(-layered.MOLAR_BLOOD * extinction_cm * depth_cm) == pytest.approx(
         10 ** -(extinction_cm * molar * depth_cm))
 
 
@@ -373,12 +372,12 @@ def test_vessels_that_let_nothing_through_absorb_as_their_shadows_do(monkeypatch
     whatever is in them.
     """
     dermis = []
-    monkeypatch.setattr(skin, "log_uniform", lambda rng, low, high, count:
+    monkeypatch.setattr(layered, "log_uniform", lambda rng, low, high, count:
                         np.full((count, 1), np.sqrt(low * high)))
     for extinction in (1e-9, 1e15):
-        monkeypatch.setattr(skin, "_blood", lambda rng, count, full=extinction:
+        monkeypatch.setattr(layered, "_blood", lambda rng, count, full=extinction:
                             np.full((count, 61), full))
-        dermis.append(skin._layers(np.random.default_rng(9), 3)[1])
+        dermis.append(layered._layers(np.random.default_rng(9), 3)[1])
     radius_cm, share = np.sqrt(5e-4 * 4e-3), np.sqrt(0.003 * 0.07)
     np.testing.assert_allclose(dermis[1] - dermis[0], share / (2 * radius_cm), rtol=1e-6)
 

@@ -22,7 +22,7 @@ from spectrabox.sampling.further.more_measurements import (
     joined,
 )
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
-from spectrabox.sampling.published.ranking_and_refinement import refined_as_published
+from spectrabox.sampling.published.baselines import refined_as_published
 from spectrabox.sampling.spectral_measurement import spline_operator
 from spectrabox.session.cli import app
 from spectrabox.session.signals.measurement_file import read_more

@@ -20,9 +20,9 @@ from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances as reflectances_of_names
 from spectrabox.sampling.prior.families.family_models import FAMILIES, Family
 from spectrabox.sampling.prior.families.family_names import NAMES, WORDS
+from spectrabox.sampling.prior.families.layered import skin
 from spectrabox.sampling.prior.families.leaves import petal_tissue
 from spectrabox.sampling.prior.families.made_materials import tiles, whites
-from spectrabox.sampling.prior.families.skin import skin
 from spectrabox.sampling.prior.family_coverage import (
     BandCertificate,
     FamilyCertificate,
@@ -369,7 +369,7 @@ def test_no_draws_are_an_error(prior):
 def test_splines_fitted_to_draws_are_optimal():
     from scipy.optimize import lsq_linear
 
-    from spectrabox.radiometry.bspline import basis_matrix
+    from spectrabox.radiometry.grid import basis_matrix
     basis = basis_matrix(PRIOR_GRID.nm, 13)
     spectra = np.clip(np.array([surface(PRIOR_GRID.nm, i) for i in range(5)]) * 2 - 0.2, 0, 1)
     ours = nearest_splines(spectra, basis)

@@ -8,9 +8,8 @@ import pytest
 from sampling_cameras import seen, surface
 from scipy import stats
 
-from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import ConvergenceError, InputError
-from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.grid import basis_matrix, visible_grid
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, SpectrumSamples
 from spectrabox.sampling.further.more_measurements import Reading, condition
 from spectrabox.sampling.summary import next_measurement_nm, summarise

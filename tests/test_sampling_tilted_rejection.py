@@ -9,8 +9,8 @@ from sampling_cameras import camera, grey, measurement
 from scipy import stats
 from scipy.optimize import linprog, lsq_linear
 
-from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.errors import CalibrationError, ConvergenceError, InputError
+from spectrabox.radiometry.grid import basis_matrix
 from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.sampling.polytope.tilt import Tilt, max_entropy_tilt, null_space
 from spectrabox.sampling.polytope.tilted_rejection import (

@@ -4,10 +4,10 @@ import pytest
 from sampling_cameras import grey, response, seen, surface
 from scipy import stats
 
-from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.colour_science import METHODS, observer_response, upsampled
 from spectrabox.radiometry.error_model import LIGHT
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import basis_matrix
 from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances as shipped_reflectances
 from spectrabox.sampling.polytope.tilted_rejection import sample_polytope

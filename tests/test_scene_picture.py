@@ -20,13 +20,12 @@ from spectrabox.fixtures.demos.painted_box import (
 )
 from spectrabox.fixtures.paints import NM
 from spectrabox.measure.pictures import scene_light
-from spectrabox.measure.pictures.pixel_flags import EDGE, PENUMBRA, SEEN
-from spectrabox.measure.steps.scene_picture import traced_photo
+from spectrabox.measure.pictures.pixel_errors import EDGE, PENUMBRA, SEEN
+from spectrabox.measure.steps.pictures import traced_photo
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.interreflection import products
 from spectrabox.reconstruct import pixel_light
-from spectrabox.reconstruct.rendering.renderer import all_cores
-from spectrabox.reconstruct.rendering.spectral_texture import register_spectral_texture
+from spectrabox.reconstruct.rendering.renderer import all_cores, register_spectral_texture
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.prior.uplift_table import uplift_signals
 from spectrabox.session.cli import app

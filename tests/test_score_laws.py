@@ -8,7 +8,7 @@ import pytest
 from spectrabox.calibrate.chart_findings import root_mean_square
 from spectrabox.measure.rules import median_surface_error, worst_entry
 from spectrabox.measure.rules import rehearsed as rule_on_rehearsal
-from spectrabox.measure.scene.rehearsed import Rehearsed, RehearsedMaterial
+from spectrabox.measure.scene.rehearsal import Rehearsed, RehearsedMaterial
 from spectrabox.measure.surfaces.surface_spectra import score
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Severity

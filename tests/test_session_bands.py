@@ -11,8 +11,7 @@ from spectrabox.measure.captured import InputFile
 from spectrabox.measure.opened_photos import OpenPhotos, develop
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.store.input_files import InputFiles
-from spectrabox.session.store.keys import step_keys
+from spectrabox.session.store.keys import InputFiles, step_keys
 
 from tests.session_runs import edit
 

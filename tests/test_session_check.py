@@ -10,12 +10,11 @@ from spectrabox.capture.develop import developed
 from spectrabox.capture.photo.raw import read_raw
 from spectrabox.fixtures.dng import write_dng
 from spectrabox.radiometry.errors import SpectraboxError
-from spectrabox.radiometry.system import free_memory as memory
+from spectrabox.radiometry.system import archives as memory
 from spectrabox.reconstruct.tracer import transport
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.kept_stages import stage_states
-from spectrabox.session.pipeline import run_stages
+from spectrabox.session.pipeline import run_stages, stage_states
 from spectrabox.session.problems import check_session
 
 

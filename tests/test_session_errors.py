@@ -22,9 +22,9 @@ from spectrabox.calibrate.prior.curve_posterior import PhotoState
 from spectrabox.calibrate.trust import certain_glare
 from spectrabox.measure import rules
 from spectrabox.measure.held_out_spectra import patches_without
-from spectrabox.measure.pictures import illumination, reference_surfaces, surface_textures
+from spectrabox.measure.pictures import illumination, photo_white, surface_textures
 from spectrabox.measure.pictures.lit_photo import PhotoSpectra
-from spectrabox.measure.pictures.pixel_flags import SEEN
+from spectrabox.measure.pictures.pixel_errors import SEEN
 from spectrabox.measure.pictures.spectra_files import PictureLayout
 from spectrabox.measure.pictures.texture_files import write_textures
 from spectrabox.measure.regions.white import PhotoWhite
@@ -34,7 +34,7 @@ from spectrabox.measure.surfaces.surface_spectra import score
 from spectrabox.radiometry.error_model import REPEATABILITY, ROUNDED_EXPOSURES, SCENE_LEVEL
 from spectrabox.radiometry.findings import Severity
 from spectrabox.radiometry.records.calibration import ChartWhite, LightScale
-from spectrabox.reconstruct.rendering.spectral_texture import _read
+from spectrabox.reconstruct.rendering.renderer import _read
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
 SIGMAS = 3.9
@@ -209,7 +209,7 @@ def surfaces_of(noise, texture, seed):
         disagreement=np.hypot(0.01, 0.01),
         joint=SimpleNamespace(views=[SimpleNamespace(
             light_scale=LightScale(1.0, 0.1, None, "photo"))]))
-    return reference_surfaces.compare_reference_surfaces(scene, np.ones((4800, 61)),
+    return photo_white.compare_reference_surfaces(scene, np.ones((4800, 61)),
                                                          np.ones(4800, bool))
 
 

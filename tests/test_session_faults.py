@@ -7,7 +7,7 @@ import pytest
 
 from spectrabox.radiometry.errors import EnvironmentProblem
 from spectrabox.session.store.locks import only_writer
-from spectrabox.session.store.store import load_stage, save_stage, stage_folder
+from spectrabox.session.store.record_files import load_stage, save_stage, stage_folder
 
 from tests.killed_runs import killed_at, leftovers, results_of, started, was_killed
 from tests.session_runs import call
@@ -27,7 +27,7 @@ def whole(_finished, tmp_path_factory):
 SAVING = """
 import sys
 from pathlib import Path
-from spectrabox.session.store.store import save_stage, stage_folder
+from spectrabox.session.store.record_files import save_stage, stage_folder
 for value in (1, 2, 3):
     with stage_folder(Path({folder!r}), "photo") as new:
         save_stage(new, {{"settings": {{"v": value}}}}, {{}}, 1.0, {{}})

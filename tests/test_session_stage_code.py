@@ -4,8 +4,8 @@ import shutil
 import pytest
 
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.kept_stages import stage_states
-from spectrabox.session.store import program
+from spectrabox.session.pipeline import stage_states
+from spectrabox.session.store import keys
 
 STAGES = {"chart", "photo", "calibrate", "reconstruct", "sample"}
 
@@ -14,8 +14,8 @@ STAGES = {"chart", "photo", "calibrate", "reconstruct", "sample"}
 def edited(tmp_path, monkeypatch):
     """A function that changes one file of a copy of the package, which the keys are made from."""
     copy = tmp_path / "spectrabox"
-    shutil.copytree(program.PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__"))
-    monkeypatch.setattr(program, "PACKAGE", copy)
+    shutil.copytree(keys.PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(keys, "PACKAGE", copy)
 
     def edit(file):
         with (copy / file).open("ab") as stream:

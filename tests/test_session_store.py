@@ -15,12 +15,13 @@ from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records.calibration import Calibration, LightScale, SensitivityFit
 from spectrabox.radiometry.records.spectra import Outcome, Quantity, Spectrum
-from spectrabox.session.store.record_files import pack, unpack
-from spectrabox.session.store.store import (
+from spectrabox.session.store.record_files import (
     fingerprint,
     load_stage,
+    pack,
     save_stage,
     stage_folder,
+    unpack,
     why_stale,
 )
 

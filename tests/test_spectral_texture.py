@@ -5,8 +5,7 @@ import pytest
 from spectrabox.capture.photo.image_writers import write_exr
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.spectra.spectral_layers import layer_names
-from spectrabox.reconstruct.rendering.renderer import start_mitsuba
-from spectrabox.reconstruct.rendering.spectral_texture import register_spectral_texture
+from spectrabox.reconstruct.rendering.renderer import register_spectral_texture, start_mitsuba
 
 NM = np.arange(400, 701, 10.0)
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.spectra.resampling import resampled, sprague
+from spectrabox.radiometry.grid import resampled, sprague
 
 NM = np.arange(380.0, 781.0, 5)
 LAMP = 1 + np.sin(NM / 20) / 2 + 3 * np.exp(-(((NM - 546) / 12) ** 2))

@@ -21,7 +21,7 @@ from spectrabox.session.commands.requests import UpliftRequest
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import run_stages
 from spectrabox.session.signals.uplift_answer import uplift_answer
-from spectrabox.session.store.store import load_stage
+from spectrabox.session.store.record_files import load_stage
 
 zarr = pytest.importorskip("zarr", reason="Zarr is not installed: pip install 'spectrabox[zarr]'")
 HEIGHT, WIDTH = 150, 90

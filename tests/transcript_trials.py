@@ -13,9 +13,8 @@ import numpy as np
 from spectrabox.capture.meter.instruments.instrument_errors import InstrumentError
 from spectrabox.capture.meter.measurement import open_instrument, take_reading, trusted_identity
 from spectrabox.capture.meter.serial_line import Hold, Pace
-from spectrabox.capture.transcripts.player import TranscriptPlayer
+from spectrabox.capture.transcripts.player import TranscriptPlayer, settings_of
 from spectrabox.capture.transcripts.transcript import Event, Transcript
-from spectrabox.capture.transcripts.transcript_replay import settings_of
 from spectrabox.fixtures.line_faults import Fault, FaultKind, distortion
 from spectrabox.fixtures.meter_transcripts import SpectrumFault, SyntheticMeter
 from spectrabox.measure import texts

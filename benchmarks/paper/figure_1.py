@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.fixtures.object_views import cameras, object_mesh, view_xml, write_ply
-from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.grid import basis_matrix
 from spectrabox.radiometry.records.calibration import LightScale
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.records.scenes import Reconstruction
@@ -27,8 +27,8 @@ from spectrabox.reconstruct.inverse_rendering import reconstruct
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.view import MaterialSpec, PhotoView
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
+from spectrabox.sampling.published.baselines import best_by_signals
 from spectrabox.sampling.published.per_axis_box import sample_per_axis
-from spectrabox.sampling.published.ranking_and_refinement import best_by_signals
 from spectrabox.sampling.spectral_measurement import spline_operator
 
 from benchmarks.paper.figure_4 import spectra_behind

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.radiometry.bspline import basis_matrix
+from spectrabox.radiometry.grid import basis_matrix
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.sampling.evaluation.metrics import rmse
 from spectrabox.sampling.prior.libraries import read_library

@@ -20,7 +20,7 @@ from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
 from spectrabox.sampling.draw_methods import draw_spectra
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
-from spectrabox.sampling.published.ranking_and_refinement import best_by_signals
+from spectrabox.sampling.published.baselines import best_by_signals
 from spectrabox.sampling.scene.joint_posterior import joint_problem
 from spectrabox.sampling.scene.joint_sampling import sample_joint
 

@@ -31,7 +31,7 @@ from spectrabox.sampling.draw_methods import draw_spectra
 from spectrabox.sampling.further.more_measurements import Reading, condition
 from spectrabox.sampling.prior.libraries import read_library
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
-from spectrabox.sampling.published.ranking_and_refinement import best_by_signals
+from spectrabox.sampling.published.baselines import best_by_signals
 
 from benchmarks.paper.synthetic_photo import (
     BANDS,

@@ -11,13 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.radiometry.bspline import basis_matrix
-from spectrabox.radiometry.grid import visible_grid
+from spectrabox.radiometry.grid import basis_matrix, visible_grid
 from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
 from spectrabox.sampling.polytope.refinement import sample_refined
 from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
-from spectrabox.sampling.published.ranking_and_refinement import refined_as_published
+from spectrabox.sampling.published.baselines import refined_as_published
 from spectrabox.sampling.spectral_measurement import spline_operator
 from spectrabox.sampling.uniform import into_reach
 

@@ -26,7 +26,7 @@ from spectrabox.radiometry.grid import grid_from_nm, interpolation_matrix, visib
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_table
 from spectrabox.sampling.draw_methods import METHODS, draw_spectra
-from spectrabox.sampling.evaluation.scores_by_method import (
+from spectrabox.sampling.evaluation.metrics import (
     BAND_SCORES,
     ScoredSpectrum,
     SpectrumScores,

@@ -13,10 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.radiometry.bspline import basis_matrix
-from spectrabox.radiometry.grid import grid_from_nm
+from spectrabox.radiometry.grid import basis_matrix, grid_from_nm
+from spectrabox.radiometry.interreflection import response_matrix
 from spectrabox.radiometry.records.spectra import Outcome
-from spectrabox.radiometry.response import response_matrix
 from spectrabox.reconstruct.gradient_engine import (
     LEARNING_RATE,
     START,

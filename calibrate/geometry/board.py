@@ -8,13 +8,13 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from spectrabox.radiometry.checked_tables import ListOf, Table, checked, read_toml
+from spectrabox.radiometry import checked_tables
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.shaped import Record
 
 MIN_SQUARES = 3
-Vector = Annotated[ListOf[float], Field(min_length=3, max_length=3)]
-Pixel = Annotated[ListOf[float], Field(min_length=2, max_length=2)]
+Vector = Annotated[checked_tables.ListOf[float], Field(min_length=3, max_length=3)]
+Pixel = Annotated[checked_tables.ListOf[float], Field(min_length=2, max_length=2)]
 POSE_KEYS = ("origin", "right", "down")
 ADVICE = "see docs/how-to/geometry.md"
 SQUARE_ANGLE = 1e-3     # radians: how far from a right angle the two directions of a board may be
@@ -42,7 +42,7 @@ class ScenePoints(Record):
     points_px: Annotated[np.ndarray, "n 2"]
 
 
-class BoardTable(Table):
+class BoardTable(checked_tables.Table):
     """A board file."""
 
     columns: int = Field(ge=MIN_SQUARES)
@@ -86,14 +86,14 @@ class BoardTable(Table):
         return axes
 
 
-class PointTable(Table):
+class PointTable(checked_tables.Table):
     """A point of the scene and where the photo shows it."""
 
     scene: Vector
     px: Pixel
 
 
-class PointsFile(Table):
+class PointsFile(checked_tables.Table):
     """A file of points."""
 
     points: dict[str, PointTable] = Field(min_length=1)
@@ -111,7 +111,7 @@ def read_board(path: Path) -> Board:
     InputError
         Naming every key that is unknown, missing or wrong.
     """
-    table = checked(BoardTable, read_toml(path, ADVICE), path.name)
+    table = checked_tables.checked(BoardTable, checked_tables.read_toml(path, ADVICE), path.name)
     return Board(table.columns, table.rows, table.square, table.marker, table.dictionary,
                  table.legacy, table.axes())
 
@@ -152,6 +152,7 @@ def read_points(path: Path) -> ScenePoints:
     InputError
         Naming every point and what is wrong with it.
     """
-    points = checked(PointsFile, read_toml(path, ADVICE), path.name).points
+    points = checked_tables.checked(PointsFile, checked_tables.read_toml(path, ADVICE),
+                                    path.name).points
     return ScenePoints(tuple(points), np.array([point.scene for point in points.values()]),
                        np.array([point.px for point in points.values()]))

@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
-from spectrabox.radiometry.checked_tables import ListOf, Table, fault_sentences
+from spectrabox.radiometry import checked_tables
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.shaped import Record
@@ -121,19 +121,19 @@ def _turn(angles: np.ndarray) -> np.ndarray:
 
 FORMAT = "spectrabox lens 1"
 ARRAYS = ("matrix", "distortion", "standard_error", "distortion_error")
-Row = Annotated[ListOf[float], Field(min_length=3, max_length=3)]
-Distortion = Annotated[ListOf[float], Field(min_length=5, max_length=5)]
+Row = Annotated[checked_tables.ListOf[float], Field(min_length=3, max_length=3)]
+Distortion = Annotated[checked_tables.ListOf[float], Field(min_length=5, max_length=5)]
 
 
-class LensTable(Table):
+class LensTable(checked_tables.Table):
     """A lens file."""
 
     format: Literal["spectrabox lens 1"]
     width: int
     height: int
-    matrix: Annotated[ListOf[Row], Field(min_length=3, max_length=3)]
+    matrix: Annotated[checked_tables.ListOf[Row], Field(min_length=3, max_length=3)]
     distortion: Distortion
-    standard_error: Annotated[ListOf[float], Field(min_length=4, max_length=4)]
+    standard_error: Annotated[checked_tables.ListOf[float], Field(min_length=4, max_length=4)]
     distortion_error: Distortion
     rms_px: float
     source: str
@@ -188,7 +188,7 @@ def read_lens(path: Path) -> Lens:
         raise InputError(f"{path} cannot be read ({error.strerror}); "
                          "write one with 'spectrabox geometry lens'") from None
     except ValidationError as error:
-        reasons = "; ".join(fault_sentences(error, LensTable))
+        reasons = "; ".join(checked_tables.fault_sentences(error, LensTable))
         raise InputError(f"{path.name} is no lens file ({reasons}); write one with 'spectrabox "
                          "geometry lens'") from None
     facts = dict(written) | {name: np.array(getattr(written, name)) for name in ARRAYS}

@@ -17,9 +17,9 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from spectrabox.calibrate.geometry import projection
 from spectrabox.calibrate.geometry.colmap_model import ModelImage
 from spectrabox.calibrate.geometry.lens import Pose
-from spectrabox.calibrate.geometry.projection import FLAT, image_rays, projected, spread
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.shaped import Record
 
@@ -76,7 +76,7 @@ def model_in_scene(images: Mapping[str, ModelImage], marks: Marks,
                          "are needed to tie the model to the scene, better six")
     _require_inside(images, marks)
     there = np.array([positions[point] for point in twice], dtype=float)
-    if spread(there)[1] < FLAT:
+    if projection.spread(there)[1] < projection.FLAT:
         raise InputError("the points marked in two pictures lie on one line, about which the model "
                          "may turn; mark others")
     triangulated = np.array([_triangulated(point, {name: marks[name][point]
@@ -148,7 +148,8 @@ def _triangulated(point: str, marks: Mapping[str, tuple[float, float]],
     normal, wanted, rays = np.zeros((3, 3)), np.zeros(3), []
     for name, px in marks.items():
         pose = images[name].world_to_camera
-        ray = pose[:3, :3].T @ image_rays(np.array([px], dtype=float), images[name].lens)[0]
+        ray = pose[:3, :3].T @ projection.image_rays(np.array([px], dtype=float),
+                                                     images[name].lens)[0]
         across = np.eye(3) - np.outer(ray, ray)
         normal += across
         wanted += across @ (-pose[:3, :3].T @ pose[:3, 3])
@@ -207,7 +208,7 @@ def _misses(start: Similarity, step: np.ndarray, known: Known) -> np.ndarray:
         turn = seen.image.world_to_camera[:3, :3] @ rotation.T
         there = scale * seen.image.world_to_camera[:3, 3] - turn @ shift
         pose = np.concatenate([Rotation.from_matrix(turn).as_rotvec(), there])
-        missed.append(projected(seen.places, pose, seen.image.lens)[0] - seen.points_px)
+        missed.append(projection.projected(seen.places, pose, seen.image.lens)[0] - seen.points_px)
     return np.concatenate(missed)
 
 

@@ -11,14 +11,8 @@ from typing import NoReturn
 import numpy as np
 from scipy.optimize import least_squares
 
+from spectrabox.calibrate.geometry import projection
 from spectrabox.calibrate.geometry.lens import Lens, Pose
-from spectrabox.calibrate.geometry.projection import (
-    FLAT,
-    likely_poses,
-    projected,
-    rotation_matrix,
-    spread,
-)
 from spectrabox.radiometry.errors import CheckError, InputError
 
 MIN_POINTS = 6
@@ -57,7 +51,8 @@ def pose_from_points(positions: np.ndarray, points_px: np.ndarray, lens: Lens,
     """
     _require_usable(positions, points_px, lens)
     fits = sorted((_refined(positions, points_px, lens, start, False)
-                   for start in likely_poses(positions, points_px, lens)), key=lambda fit: fit[2])
+                   for start in projection.likely_poses(positions, points_px, lens)),
+                  key=lambda fit: fit[2])
     if not fits or not _explains(fits[0][2], len(positions), lens):
         _refuse(positions, points_px, lens, False, names)
     _require_one(fits, len(positions))
@@ -92,11 +87,12 @@ def pose_and_focal_length(positions: np.ndarray, points_px: np.ndarray, width: i
     lens = lens_of_focal_length(fit[1], width, height)
     jacobian = _jacobian(positions, fit[0], lens, True)
     relative = np.inf
-    if np.linalg.cond(jacobian / np.linalg.norm(jacobian, axis=0)) < 1 / FLAT**2:
+    if np.linalg.cond(jacobian / np.linalg.norm(jacobian, axis=0)) < 1 / projection.FLAT**2:
         noise = max(fit[2] / (2 * len(positions) - 7), MIN_NOISE_PX**2)
         relative = float(np.sqrt(noise * np.linalg.inv(jacobian.T @ jacobian)[6, 6]))
     if not relative < MAX_FOCAL_ERROR:
-        where = "they lie in one plane: " if spread(positions)[2] < FLAT else ""
+        where = "they lie in one plane: " if projection.spread(
+            positions)[2] < projection.FLAT else ""
         raise CheckError(f"the points leave the focal length open by {min(relative, 9.99):.0%} "
                          f"({MAX_FOCAL_ERROR:.0%} is the most), for it cannot be told from the "
                          f"distance; {where}give points at different depths, or the lens (--lens)")
@@ -124,7 +120,7 @@ def _require_usable(positions: np.ndarray, points_px: np.ndarray, lens: Lens) ->
     if len(positions) < MIN_POINTS:
         raise InputError(f"{len(positions)} points cannot determine a pose reliably; give "
                          f"{MIN_POINTS} or more")
-    if spread(positions)[1] < FLAT:
+    if projection.spread(positions)[1] < projection.FLAT:
         raise InputError(f"the {len(positions)} points lie on one line, about which the camera may "
                          "stand anywhere; give points of a surface, better of two")
     outside = np.flatnonzero(np.any((points_px < -0.5)
@@ -144,8 +140,9 @@ def _require_one(fits: list[tuple[np.ndarray, float, float]], points: int) -> No
     """Refuse a second pose that explains the points as well (a small, distant plane turns over)."""
     noise = max(fits[0][2] / (2 * points - 6), MIN_NOISE_PX**2)
     for parameters, _, squares in fits[1:]:
-        turned = rotation_matrix(parameters[:3]) @ rotation_matrix(fits[0][0][:3]).T
-        if np.trace(turned) < 3 - FLAT and squares - fits[0][2] < DIFFERENT**2 * noise:
+        turned = projection.rotation_matrix(parameters[:3]) @ projection.rotation_matrix(
+            fits[0][0][:3]).T
+        if np.trace(turned) < 3 - projection.FLAT and squares - fits[0][2] < DIFFERENT**2 * noise:
             raise CheckError("two poses of the camera explain the points equally well, for they "
                              "lie in one plane that looks small or frontal; give points at "
                              "different depths")
@@ -159,7 +156,8 @@ def _refuse(positions: np.ndarray, points_px: np.ndarray, lens: Lens, free_focal
             fit = _with_focal(positions[kept], points[kept], lens)
             return np.inf if fit is None else fit[2]
         return min((_refined(positions[kept], points[kept], lens, start, False)[2]
-                    for start in likely_poses(positions[kept], points[kept], lens)), default=np.inf)
+                    for start in projection.likely_poses(positions[kept], points[kept], lens)),
+                   default=np.inf)
 
     everyone = np.arange(len(positions))
     rms = np.sqrt(squares(everyone, points_px) / len(positions))
@@ -186,8 +184,9 @@ def _with_focal(positions: np.ndarray, points_px: np.ndarray,
     starts = []
     for focal in np.geomspace(*FOCAL_RANGE, 10) * middle.width:
         lens = lens_of_focal_length(focal, middle.width, middle.height)
-        starts += [(float(np.sum((projected(positions, start, lens)[0] - points_px) ** 2)), lens,
-                    start) for start in likely_poses(positions, points_px, lens)]
+        starts += [(float(np.sum(
+            (projection.projected(positions, start, lens)[0] - points_px)**2)), lens, start)
+                   for start in projection.likely_poses(positions, points_px, lens)]
     likeliest = sorted(starts, key=lambda one: one[0])[:STARTS]
     return min((_refined(positions, points_px, lens, start, True) for _, lens, start in likeliest),
                key=lambda fit: fit[2], default=None)
@@ -205,24 +204,24 @@ def _refined(positions: np.ndarray, points_px: np.ndarray, lens: Lens, start: np
                                     lens.height)
 
     def misses(parameters: np.ndarray) -> np.ndarray:
-        seen = projected(positions, parameters[:6], at(parameters))[0] - points_px
+        seen = projection.projected(positions, parameters[:6], at(parameters))[0] - points_px
         return np.where(np.isfinite(seen), seen, FAR_PX).ravel()
 
     def slope(parameters: np.ndarray) -> np.ndarray:
-        derivative = projected(positions, parameters[:6], at(parameters))[1]
+        derivative = projection.projected(positions, parameters[:6], at(parameters))[1]
         log_focal = derivative[:, 6:8] @ np.diag(at(parameters).matrix)[:2]
         return np.column_stack([derivative[:, :6], log_focal]) if free_focal else derivative[:, :6]
 
     solution = least_squares(misses, np.append(start, 0.0) if free_focal else start, slope,
                           x_scale="jac", method="lm", max_nfev=MAX_STEPS)
-    behind = (positions @ rotation_matrix(solution.x[:3]).T + solution.x[3:6])[:, 2] <= 0
+    behind = (positions @ projection.rotation_matrix(solution.x[:3]).T + solution.x[3:6])[:, 2] <= 0
     return (solution.x[:6], float(at(solution.x).matrix[0, 0]), np.inf if behind.any()
             else float(2 * solution.cost))
 
 
 def _pose(positions: np.ndarray, points_px: np.ndarray, parameters: np.ndarray, lens: Lens,
           free_focal: bool) -> Pose:
-    seen, derivative = projected(positions, parameters, lens)
+    seen, derivative = projection.projected(positions, parameters, lens)
     residuals = points_px - seen
     jacobian = _jacobian(positions, parameters, lens, free_focal)
     inverse = np.linalg.inv(jacobian.T @ jacobian)
@@ -230,8 +229,8 @@ def _pose(positions: np.ndarray, points_px: np.ndarray, parameters: np.ndarray, 
     follows = inverse @ jacobian.T @ derivative[:, 6:10]  # how the pose follows fx, fy, cx, cy
     covariance = noise * inverse + follows @ np.diag(lens.standard_error**2) @ follows.T
     world_to_camera = np.eye(4)
-    world_to_camera[:3, :3], world_to_camera[:3,
-                                             3] = rotation_matrix(parameters[:3]), parameters[3:]
+    world_to_camera[:3, :3], world_to_camera[:3, 3] = projection.rotation_matrix(
+        parameters[:3]), parameters[3:]
     return Pose(world_to_camera, covariance[:6, :6], residuals,
                 float(np.sqrt(np.mean(np.sum(residuals**2, axis=1)))))
 
@@ -241,9 +240,9 @@ def _jacobian(positions: np.ndarray, parameters: np.ndarray, lens: Lens,
     """Of the pixels (2 n) by a small turn in camera axes, the shift, and the focal length's log
     where it is free.
     """
-    _, derivative = projected(positions, parameters, lens)
+    _, derivative = projection.projected(positions, parameters, lens)
     shift = derivative[:, 3:6]
-    turned = np.repeat(positions @ rotation_matrix(parameters[:3]).T, 2, axis=0)
+    turned = np.repeat(positions @ projection.rotation_matrix(parameters[:3]).T, 2, axis=0)
     # shift . (turn x position) = turn . (position x shift)
     columns = [np.cross(turned, shift), shift]
     if free_focal:

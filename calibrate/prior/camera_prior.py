@@ -1,4 +1,7 @@
-"""The prior on a camera's curves: a mixture of Gaussians, its covariances and its file.
+"""Priors on a camera's curves: mixtures of Gaussians with their file, and plain ones that need no
+database.
+
+The prior on a camera's curves: a mixture of Gaussians, its covariances and its file.
 
 The curves of all bands of one camera, band after band, are one vector. A learnt prior is Gaussian
 in their logarithm,
@@ -21,21 +24,79 @@ happens at 650 nm. The departures are what no measured camera shows: Matern-corr
 wavelength, added to every band, multiplied with every band, and multiplied with all bands alike (a
 lens, or a filter in front of the sensor). ``learnt_prior`` makes such a mixture from measured
 cameras, ``smooth_prior`` one for cameras of which only smoothness is known.
+
+Priors on curves that need no database of cameras: smoothness alone, or measured curves.
+
+Of multispectral bands and unusual sensors only smoothness is known. Every band is a Gaussian
+process of wavelength about a constant: the level that the photo itself shows. How far it departs
+from that level, and over how many nanometres, are the components of the mixture; the evidence of
+the photo weighs them. Bands are independent; exposure, illumination field, glare and model error
+are joint, as with any prior.
 """
+
+
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
+from itertools import product
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 
+from spectrabox.calibrate.chart_equations import ChartEquations
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import whole_file
+from spectrabox.radiometry.records.spectra import WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.system.archives import DamagedArchiveError, opened_npz
+
+LARGE = 1e300                # beyond the square of any whitened innovation
+
+
+def log_densities(covariance: np.ndarray, innovation: np.ndarray, patterns: np.ndarray,
+                  common: Sequence[float]) -> list[float]:
+    """Log density of the innovation (Y,) up to a constant, under a covariance (Y, Y) to which each
+    common error squared times ``patterns @ patterns.T`` is added (Y, R); -inf where round-off left
+    no density.
+
+    Innovation and patterns are last rows of the matrix that is factorised: those of the factor are
+    then whitened, whatever the last elements of the matrix. By Sylvester and Woodbury one factor
+    does for all common errors.
+
+    Parameters
+    ----------
+    covariance : (Y, Y) array
+    innovation : (Y,) array
+    patterns : (Y, R) array
+        Of errors that bands have in common, a unit each.
+    common : sequence of float
+        Sizes of those errors.
+    """
+    size, extra = innovation.size, 1 + patterns.shape[1]
+    bordered = np.zeros((size + extra, size + extra))
+    bordered[:size, :size] = covariance
+    bordered[size:, :size] = np.vstack([innovation, patterns.T])
+    bordered[range(size, size + extra), range(size, size + extra)] = LARGE
+    try:
+        lower = np.linalg.cholesky(bordered)    # which reads the lower triangle alone
+    except np.linalg.LinAlgError:
+        return [-np.inf] * len(common)
+    white, columns = lower[size, :size], lower[size + 1:, :size]
+    square, along, gram = white @ white, columns @ white, columns @ columns.T
+    log_volume, logs = np.log(np.diag(lower)[:size]).sum(), []
+    for error in common:
+        root = np.linalg.cholesky(np.eye(len(gram)) + error**2 * gram)
+        explained = np.linalg.solve(root, error * along)
+        logs.append(float(-0.5 * (square - explained @ explained) - log_volume
+                          - np.log(np.diag(root)).sum()))
+    return logs
+
+
+# ---- the prior on a camera's curves: a mixture of Gaussians, its covariances and its file --------
 
 SHIPPED = "rawtoaces39.npz"
 NOT_LOCALISED = (0.0, 1.0, 1.0)
@@ -194,3 +255,78 @@ def shipped_prior() -> CameraPrior:
     with resources.as_file(resources.files("spectrabox.calibrate.prior") / "models"
                            / SHIPPED) as path:
         return load_camera_prior(path)
+
+
+# ---- priors on curves that need no database of cameras: smoothness alone, or measured curves -----
+
+LENGTHS_NM = (15.0, 25.0, 40.0, 70.0)
+# standard deviation over mean: a narrow band is far from its mean nearly everywhere
+DEPARTURES = (1.5, 3.0)
+FEW_BANDS = 4                # more bands take coarser wavelengths, to stay within seconds
+STEP_NM, COARSE_STEP_NM = 5.0, 10.0
+SMOOTH_SOURCE = "smooth curves, no measured camera"
+MEASURED_LENGTH_NM = 40.0    # over which the error of a measured curve changes
+ADDED = 0.2                  # of the relative error: what is added to a curve, of the largest value
+
+
+def smooth_prior(photos: list[ChartEquations], grid: WavelengthGrid) -> CameraPrior:
+    """Prior for the camera of some photos, knowing only the level of each band.
+
+    Parameters
+    ----------
+    photos : list of ChartEquations
+        The first gives the level of each band.
+    grid : WavelengthGrid
+        Its range is that of the prior.
+    """
+    first = photos[0]
+    bands = first.signal.shape[1]
+    nm = np.arange(grid.nm[0], grid.nm[-1] + 1, STEP_NM if bands <= FEW_BANDS else COARSE_STEP_NM)
+    unit_signal = (first.reflectances * first.power * (first.irradiance / np.pi)[:, None]).sum(1)
+    # of patches that can be read in the band; of all where none can
+    counted = first.readable | ~first.readable.any(axis=0)
+    mean = np.repeat((counted * first.signal).sum(axis=0) / (unit_signal @ counted), nm.size)
+    kinds = list(product(DEPARTURES, LENGTHS_NM))
+    departures = np.array([[0.0, 1.0, sd, length, 0.0, 1.0] for sd, length in kinds])
+    return CameraPrior(nm, np.full(len(kinds), 1 / len(kinds)), np.tile(mean, (len(kinds), 1)),
+                       np.arange(len(kinds)), np.zeros((len(kinds), 2)), departures,
+                       np.ones(len(kinds)), np.zeros((mean.size, 0)), np.zeros((mean.size, 0)),
+                       tuple(f"curves smooth over {length:g} nm" for _, length in kinds),
+                       SMOOTH_SOURCE, "none")
+
+
+def prior_of_curves(grid: WavelengthGrid, curves: np.ndarray, relative_error: float) -> CameraPrior:
+    """Prior about measured curves, so that a chart fit gives white, field and glare.
+
+    Parameters
+    ----------
+    grid : WavelengthGrid
+        Of the curves, P wavelengths.
+    curves : (K, P) array
+    relative_error : float
+        Standard deviation of each curve, relative to it.
+    """
+    return prior_about(grid, curves, (ADDED * relative_error, MEASURED_LENGTH_NM, relative_error,
+                                      MEASURED_LENGTH_NM, 0.0, 1.0), "measured curves from a file")
+
+
+def prior_about(grid: WavelengthGrid, curves: np.ndarray, departures: tuple[float, ...],
+                source: str) -> CameraPrior:
+    """Prior of one Gaussian about given curves.
+
+    Parameters
+    ----------
+    grid : WavelengthGrid
+        Of the curves, P wavelengths.
+    curves : (K, P) array
+    departures : tuple of six float
+        As ``CameraPrior.departures``.
+    source : str
+        Stored with the prior.
+    """
+    nm = np.arange(grid.nm[0], grid.nm[-1] + 1, STEP_NM)
+    means = np.array([np.interp(nm, grid.nm, curve) for curve in curves]).reshape(1, -1)
+    none = np.zeros((means.size, 0))
+    return CameraPrior(nm, np.ones(1), means, np.zeros(1, int), np.zeros((1, 2)),
+                       np.array([departures]), np.ones(1), none, none, ("measured curves",),
+                       source, "none")

@@ -11,14 +11,7 @@ from typing import Annotated
 
 import numpy as np
 
-from spectrabox.calibrate.chart_equations import (
-    ChartEquations,
-    nuisance_starts,
-    passed,
-    passed_slope,
-    predicted_signal,
-    unlit_design,
-)
+from spectrabox.calibrate import chart_equations
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.prior_fit import CurvePosterior
 from spectrabox.radiometry.errors import InputError
@@ -102,7 +95,8 @@ def camera_alone(posterior: CurvePosterior, bands: int) -> CurvePosterior:
     return replace(posterior, means=np.array(means), covariances=np.array(covariances), lights=())
 
 
-def relit(posterior: CurvePosterior, photos: list[ChartEquations]) -> list[ChartEquations]:
+def relit(posterior: CurvePosterior,
+          photos: list[chart_equations.ChartEquations]) -> list[chart_equations.ChartEquations]:
     """Photos under the lights that give their signals together with the curves of a posterior:
     those of the first photo's light as it is stated.
 
@@ -249,7 +243,7 @@ def curve_variance(basis: np.ndarray, covariance: np.ndarray, bands: int) -> np.
                      for band in range(bands)])
 
 
-def photo_states(posterior: CurvePosterior, photos: list[ChartEquations],
+def photo_states(posterior: CurvePosterior, photos: list[chart_equations.ChartEquations],
                  moments: CurveMoments) -> list[PhotoState]:
     """Exposure, field and glare of every photo, and the signals that follow.
 
@@ -265,19 +259,22 @@ def photo_states(posterior: CurvePosterior, photos: list[ChartEquations],
     bands, size = len(coefficients), coefficients.size
     mean, covariance = mixture_moments(posterior.weights, posterior.means, posterior.covariances)
     states = []
-    for photo, (index, stop) in zip(photos, pairwise(size + nuisance_starts(photos)), strict=True):
+    for photo, (index, stop) in zip(photos,
+                                    pairwise(size + chart_equations.nuisance_starts(photos)),
+                                    strict=True):
         modes = photo.modes(posterior.basis)
         of_filter = slice(stop - modes.shape[1], stop)
         terms, own = photo.field_terms.shape[1], mean[index + 1:of_filter.start]
-        predicted, _ = predicted_signal(photo, unlit_design(photo, posterior.basis), coefficients,
-                                        mean[index], mean[index + 1:stop], modes)
+        predicted, _ = chart_equations.predicted_signal(
+            photo, chart_equations.unlit_design(photo, posterior.basis), coefficients, mean[index],
+            mean[index + 1:stop], modes)
         glare = own[terms:] if photo.glare else np.zeros(bands)
         glare_error = (np.sqrt(np.diag(covariance)[index + 1 + terms:of_filter.start])
                        if photo.glare else np.zeros(bands))
         # white in each band, and its derivative by curves, log exposure and the filter
         power = photo.power @ posterior.basis
-        change = coefficients * power * passed_slope(modes @ mean[of_filter])
-        power = power * passed(modes @ mean[of_filter])
+        change = coefficients * power * chart_equations.passed_slope(modes @ mean[of_filter])
+        power = power * chart_equations.passed(modes @ mean[of_filter])
         white = coefficients @ power
         of_white = np.zeros((bands, len(covariance)))
         of_white[:, :size] = np.kron(np.eye(bands), power)
@@ -307,8 +304,10 @@ def photo_states(posterior: CurvePosterior, photos: list[ChartEquations],
 def _with_errors(filter: Filter, errors: np.ndarray) -> Filter:
     """The filter whose errors (E,) are known, and what further errors of the same kind do to it."""
     error = filter.modes @ errors
-    return replace(filter, transmittance=filter.transmittance * passed(error),
-                   modes=filter.modes * (passed_slope(error) / passed(error))[:, None])
+    return replace(
+        filter, transmittance=filter.transmittance * chart_equations.passed(error),
+        modes=filter.modes *
+        (chart_equations.passed_slope(error) / chart_equations.passed(error))[:, None])
 
 
 def nonnegative(mean: np.ndarray, covariance: np.ndarray, count: int | None = None) -> np.ndarray:

@@ -24,7 +24,7 @@ from spectrabox.radiometry.files import read_text
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves
-from spectrabox.radiometry.system.known_names import nearest_words
+from spectrabox.radiometry.system.words import nearest_words
 
 FAMILIES_PER_CAMERA = 0.33   # 13 families of 39 cameras
 MIN_CAMERAS_FOR_FAMILIES = 12  # fewer cameras make one Gaussian

@@ -16,29 +16,9 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from spectrabox.calibrate.chart_equations import (
-    COMMON_ERRORS,
-    ChartEquations,
-    PatchError,
-    common_patterns,
-    mean_error,
-    noise_of_photos,
-    nuisance_sd,
-    nuisance_starts,
-    predicted_signal,
-    rows_of_patch,
-    unlit_design,
-)
+from spectrabox.calibrate import chart_equations, held_out_patches
 from spectrabox.calibrate.copy_errors import Explained
-from spectrabox.calibrate.held_out_patches import (
-    PatchesWithout,
-    covariance_without,
-    gathered,
-    patch_moments,
-    weights_without,
-)
-from spectrabox.calibrate.prior.camera_prior import CameraPrior
-from spectrabox.calibrate.prior.evidence import log_densities
+from spectrabox.calibrate.prior.camera_prior import CameraPrior, log_densities
 from spectrabox.radiometry.covariance import block_diagonal
 from spectrabox.radiometry.errors import CalibrationError
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
@@ -72,11 +52,11 @@ class CurvePosterior(Record):
     means: Annotated[np.ndarray, "C Z"]             # Z = D + U
     covariances: Annotated[np.ndarray, "C Z Z"]
     families: Annotated[np.ndarray, "F"]            # posterior probability of each of the prior's
-    model_error: PatchError                         # posterior mean
+    model_error: chart_equations.PatchError                         # posterior mean
     log_evidence: float
     best_family: int                                # of the component that weighs most
     best_gain_sd: float
-    best_error: PatchError
+    best_error: chart_equations.PatchError
     widening: float                                 # factor in the standard errors of the best
     lights: tuple[LightDesign, ...] = ()            # of every photo; empty: as stated
 
@@ -109,14 +89,15 @@ class CurveCandidate(Record):
     log_weight: float
     family: int
     gain_sd: float
-    error: PatchError
+    error: chart_equations.PatchError
     start: Annotated[np.ndarray, "Z"]
     prior_covariance: Annotated[np.ndarray, "Z Z"]
     jacobian: Annotated[np.ndarray, "Y Z"]
     linear: Annotated[np.ndarray, "Y"]
 
 
-def posterior_of_curves(photos: list[ChartEquations], prior: CameraPrior, grid: WavelengthGrid, *,
+def posterior_of_curves(photos: list[chart_equations.ChartEquations], prior: CameraPrior,
+                        grid: WavelengthGrid, *,
                         model_errors: tuple[float, ...] = MODEL_ERRORS) -> CurvePosterior:
     """Posterior of the curves, given the photos and the measured cameras.
 
@@ -138,8 +119,11 @@ def posterior_of_curves(photos: list[ChartEquations], prior: CameraPrior, grid: 
     """
     basis = interpolation_matrix(prior.nm, grid.nm)
     designs = _designs(photos, basis)
-    own_noises = np.array([noise_of_photos(photos, PatchError(own)) for own in model_errors])
-    patterns = common_patterns(photos)
+    own_noises = np.array([
+        chart_equations.noise_of_photos(photos, chart_equations.PatchError(own))
+        for own in model_errors
+    ])
+    patterns = chart_equations.common_patterns(photos)
     spreads = prior.covariances()
     # a prior without cameras knows nothing of gains either
     gains = GAINS if prior.between.size else ((0.0, 1.0),)
@@ -155,17 +139,20 @@ def posterior_of_curves(photos: list[ChartEquations], prior: CameraPrior, grid: 
         log_share = float(np.log(prior.weights[family] * share))
         for own, own_noise in zip(model_errors, own_noises, strict=True):
             evidence = log_densities(projected + own_noise, linear - jacobian @ start, patterns,
-                                     COMMON_ERRORS)
-            candidates += [CurveCandidate(log_share + log_density, family, gain_sd,
-                                          PatchError(own, common), start, covariance, jacobian,
-                                          linear)
-                           for common, log_density in zip(COMMON_ERRORS, evidence, strict=True)]
+                                     chart_equations.COMMON_ERRORS)
+            candidates += [
+                CurveCandidate(log_share + log_density, family, gain_sd,
+                               chart_equations.PatchError(own, common), start, covariance, jacobian,
+                               linear)
+                for common, log_density in zip(chart_equations.COMMON_ERRORS, evidence, strict=True)
+            ]
     return _mixture(candidates, basis, prior, designs, photos)
 
 
-def held_out_signals(photos: list[ChartEquations], prior: CameraPrior, grid: WavelengthGrid,
-                     posterior: CurvePosterior, excluded: ChartEquations | None = None
-                     ) -> tuple[list[np.ndarray], float, PatchesWithout, Explained]:
+def held_out_signals(
+    photos: list[chart_equations.ChartEquations], prior: CameraPrior, grid: WavelengthGrid,
+    posterior: CurvePosterior, excluded: chart_equations.ChartEquations | None = None
+) -> tuple[list[np.ndarray], float, held_out_patches.PatchesWithout, Explained]:
     """Signals (I, K) of every photo, each patch predicted from all others; chi-square per datum;
     what fits without each say of the patches of the first photo; and the innovations.
 
@@ -190,45 +177,48 @@ def held_out_signals(photos: list[ChartEquations], prior: CameraPrior, grid: Wav
     jacobian, linear, _ = _linearise(photos, designs, start, covariance, prior)
     projected = _project(jacobian, covariance, prior).T
     inverse = np.linalg.inv(_project(jacobian, projected, prior)
-                            + noise_of_photos(photos, posterior.best_error))
+                            + chart_equations.noise_of_photos(photos, posterior.best_error))
     innovation = linear - jacobian @ start
     weighted = inverse @ innovation
     signals, row = [], 0
     for photo in photos:
         without = np.empty(photo.signal.shape)
         for patch in range(len(photo.signal)):
-            block = (rows_of_patch(photos, patch) if photo is photos[0]
+            block = (chart_equations.rows_of_patch(photos, patch) if photo is photos[0]
                      else np.arange(row, row + prior.bands))
             off = np.linalg.solve(inverse[np.ix_(block, block)], weighted[block])
             without[patch] = photo.signal[patch] - off[:prior.bands]
             row += prior.bands
         signals.append(without)
     widened = prior.widening[prior.level[family]] ** 2
-    own = prior.means.shape[1] + 1 + nuisance_sd(photos[0]).size
+    own = prior.means.shape[1] + 1 + chart_equations.nuisance_sd(photos[0]).size
     gain = projected @ inverse
     after, patches = covariance - gain @ projected.T, []
 
-    def add(photo: ChartEquations, patch: int, state: np.ndarray, spread: np.ndarray) -> None:
+    def add(photo: chart_equations.ChartEquations, patch: int, state: np.ndarray,
+            spread: np.ndarray) -> None:
         mean, moved = _in_curves(prior, state, spread, designs, photos)
-        patches.append(patch_moments(photo, patch, mean[:own], widened * moved[:own, :own],
-                                     posterior.basis))
+        patches.append(
+            held_out_patches.patch_moments(photo, patch, mean[:own], widened * moved[:own, :own],
+                                           posterior.basis))
 
     for patch in range(len(photos[0].signal)):
-        rows = rows_of_patch(photos, patch)
-        add(photos[0], patch, start + projected @ weights_without(inverse, weighted, rows),
-            covariance_without(after, gain, inverse, rows))
+        rows = chart_equations.rows_of_patch(photos, patch)
+        add(photos[0], patch,
+            start + projected @ held_out_patches.weights_without(inverse, weighted, rows),
+            held_out_patches.covariance_without(after, gain, inverse, rows))
     for patch in range(0 if excluded is None else len(excluded.signal)):
         assert excluded is not None
         add(excluded, patch, start + projected @ weighted, after)
-    without_each = gathered([photos[0], *([] if excluded is None else [excluded])], posterior.basis,
-                            posterior.best_error, patches)
+    without_each = held_out_patches.gathered([photos[0], *([] if excluded is None else [excluded])],
+                                             posterior.basis, posterior.best_error, patches)
     readable = sum(np.count_nonzero(photo.readable) for photo in photos)
     return (signals, float(innovation @ weighted / readable), without_each,
             Explained(np.ones(1), weighted[None], inverse))
 
 
 def _joint_prior(prior: CameraPrior, spread: np.ndarray, family: int, gain_sd: float,
-                 photos: list[ChartEquations],
+                 photos: list[chart_equations.ChartEquations],
                  designs: list[Design]) -> tuple[np.ndarray, np.ndarray]:
     """Covariance (Z, Z) and mean (Z,) of state and nuisances beforehand.
 
@@ -252,7 +242,10 @@ def _joint_prior(prior: CameraPrior, spread: np.ndarray, family: int, gain_sd: f
     covariance = covariance - np.outer(covariance @ seen, brighter)
     exposures = [np.log(photo.signal.sum() / (design.matrix @ bands.T).sum())
                  for photo, design in zip(photos, designs, strict=True)]
-    sds = [np.r_[photo.relative_exposure_sd or EXPOSURE_SD, nuisance_sd(photo)] for photo in photos]
+    sds = [
+        np.r_[photo.relative_exposure_sd or EXPOSURE_SD,
+              chart_equations.nuisance_sd(photo)] for photo in photos
+    ]
     sds[0][0] = EXPOSURE_SD
     linked = np.array([index == 0 or photo.relative_exposure_sd is not None
                        for index, photo in enumerate(photos)])
@@ -262,22 +255,22 @@ def _joint_prior(prior: CameraPrior, spread: np.ndarray, family: int, gain_sd: f
     start = np.concatenate([mean, *nuisances, 0 * lights])
     total = np.diag(np.concatenate([np.zeros(mean.size), *(sd**2 for sd in sds), lights]))
     total[:mean.size, :mean.size] = covariance
-    indices = mean.size + nuisance_starts(photos)[:-1][linked]
+    indices = mean.size + chart_equations.nuisance_starts(photos)[:-1][linked]
     others = 1 - np.eye(len(indices)) * (indices == indices[0])
     total[np.ix_(indices, indices)] += EXPOSURE_SD**2 * others
     return total, start
 
 
-def _equations(photos: list[ChartEquations], designs: list[Design], state: np.ndarray,
-               prior: CameraPrior) -> tuple[np.ndarray, np.ndarray]:
+def _equations(photos: list[chart_equations.ChartEquations], designs: list[Design],
+               state: np.ndarray, prior: CameraPrior) -> tuple[np.ndarray, np.ndarray]:
     """Predicted signals of all photos (Y,) and their derivatives (Y, Z)."""
     size = prior.means.shape[1]
     curves, slope = prior.curves(state[:size]), prior.slope(state[:size])
     signals, rows = [], []
     for photo, design, (start, stop) in zip(
-            photos, designs, pairwise(size + nuisance_starts(photos)), strict=True):
+            photos, designs, pairwise(size + chart_equations.nuisance_starts(photos)), strict=True):
         brighter, by_light = _brighter(state, design.light, prior.bands)
-        signal, derivative = predicted_signal(
+        signal, derivative = chart_equations.predicted_signal(
             photo, design.matrix, (curves * brighter).reshape(prior.bands, -1), state[start],
             state[start + 1:stop], photo.modes(interpolation_matrix(prior.nm, FINE_GRID.nm)))
         row = np.zeros((signal.size, state.size))
@@ -289,22 +282,23 @@ def _equations(photos: list[ChartEquations], designs: list[Design], state: np.nd
     return np.concatenate(signals), np.vstack(rows)
 
 
-def _linearise(photos: list[ChartEquations], designs: list[Design], start: np.ndarray,
-               covariance: np.ndarray, prior: CameraPrior,
+def _linearise(photos: list[chart_equations.ChartEquations], designs: list[Design],
+               start: np.ndarray, covariance: np.ndarray, prior: CameraPrior,
                guess: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Derivatives J (Y, Z) at the best solution, the data (Y,) of the model y = J state, and that
     solution (Z,); ``guess`` (Z,) is where to begin.
     """
     measured = np.concatenate([photo.signal.ravel() for photo in photos])
-    noise = noise_of_photos(photos, PatchError(LINEARISED_AT))
+    noise = chart_equations.noise_of_photos(photos, chart_equations.PatchError(LINEARISED_AT))
     sigma = np.sqrt(np.diag(noise))
     state, size = start if guess is None else guess, prior.means.shape[1]
     # exposures and field terms are logarithms, errors of filters are relative, glare is in the unit
     # of the signals
     logarithms = np.concatenate([
-        np.r_[start:start + 1 + photo.field_terms.shape[1], stop - photo.filter_errors:stop]
-        for (start, stop), photo in zip(pairwise(size + nuisance_starts(photos)), photos,
-                                        strict=True)])
+        np.r_[start:start + 1 + photo.field_terms.shape[1],
+              stop - photo.filter_errors:stop] for (start, stop), photo in zip(
+                  pairwise(size + chart_equations.nuisance_starts(photos)), photos, strict=True)
+    ])
     for _ in range(MAX_ITERATIONS):
         predicted, jacobian = _equations(photos, designs, state, prior)
         linear = measured - predicted + jacobian @ state
@@ -345,10 +339,10 @@ def _condition(candidate: CurveCandidate, noise: np.ndarray,
             candidate.prior_covariance - shrink.T @ shrink)
 
 
-def _designs(photos: list[ChartEquations], basis: np.ndarray) -> list[Design]:
+def _designs(photos: list[chart_equations.ChartEquations], basis: np.ndarray) -> list[Design]:
     """Every photo's design; the departures of the lights stand after all nuisances."""
     nodes, stop = basis.argmax(axis=0), photos[0].signal.shape[1] * basis.shape[1]
-    stop += int(nuisance_starts(photos)[-1])
+    stop += int(chart_equations.nuisance_starts(photos)[-1])
     designs: list[Design] = []
     for number, photo in enumerate(photos):
         terms = (np.zeros((nodes.size, 0)) if photo.light_terms is None
@@ -358,7 +352,7 @@ def _designs(photos: list[ChartEquations], basis: np.ndarray) -> list[Design]:
                     other.light_power, photo.light_power, rtol=1e-9, atol=0)]
         own = same[0] if same else slice(stop, stop + terms.shape[1])
         stop = max(stop, own.stop)
-        designs.append(Design(unlit_design(photo, basis), LightDesign(terms, own)))
+        designs.append(Design(chart_equations.unlit_design(photo, basis), LightDesign(terms, own)))
     return designs
 
 
@@ -378,7 +372,7 @@ def _whole(designs: list[Design], prior: CameraPrior) -> np.ndarray:
 
 def _in_curves(prior: CameraPrior, mean: np.ndarray, covariance: np.ndarray,
                designs: list[Design],
-               photos: list[ChartEquations]) -> tuple[np.ndarray, np.ndarray]:
+               photos: list[chart_equations.ChartEquations]) -> tuple[np.ndarray, np.ndarray]:
     """Mean and covariance of curves and nuisances from those of state and nuisances.
 
     The curves are those that together with the stated light of the first photo give its signals.
@@ -387,7 +381,7 @@ def _in_curves(prior: CameraPrior, mean: np.ndarray, covariance: np.ndarray,
     """
     whole = _whole(designs, prior)
     size = whole.size
-    exposures = size + nuisance_starts(photos)[:-1]
+    exposures = size + chart_equations.nuisance_starts(photos)[:-1]
     brighter, by_light = _brighter(mean, designs[0].light, prior.bands)
     curves = prior.curves(mean[:size]) * brighter
     signal = whole @ curves
@@ -414,7 +408,7 @@ def _in_curves(prior: CameraPrior, mean: np.ndarray, covariance: np.ndarray,
 
 
 def _mixture(candidates: list[CurveCandidate], basis: np.ndarray, prior: CameraPrior,
-             designs: list[Design], photos: list[ChartEquations]) -> CurvePosterior:
+             designs: list[Design], photos: list[chart_equations.ChartEquations]) -> CurvePosterior:
     logs = np.array([candidate.log_weight for candidate in candidates])
     if not np.isfinite(logs.max()):
         raise CalibrationError("the signals of the patches span too many orders of magnitude to be "
@@ -425,9 +419,9 @@ def _mixture(candidates: list[CurveCandidate], basis: np.ndarray, prior: CameraP
     weights /= weights.sum()
     by_family = np.bincount([candidate.family for candidate in candidates], weights,
                             minlength=len(prior.weights))
-    error = mean_error(weights, [candidate.error for candidate in candidates])
+    error = chart_equations.mean_error(weights, [candidate.error for candidate in candidates])
     kept = np.flatnonzero(weights > NEGLIGIBLE)
-    solved = [_in_curves(prior, *_condition(candidates[i], noise_of_photos(
+    solved = [_in_curves(prior, *_condition(candidates[i], chart_equations.noise_of_photos(
         photos, candidates[i].error), prior), designs, photos) for i in kept]
     widening = prior.widening[prior.level[[candidates[i].family for i in kept]]]
     best = candidates[int(np.argmax(weights))]

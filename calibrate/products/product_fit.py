@@ -10,32 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.calibrate.chart_equations import (
-    ChartEquations,
-    mean_error,
-    nuisance_sd,
-    rows_of_patch,
-)
+from spectrabox.calibrate import chart_equations, held_out_patches, sensitivity
 from spectrabox.calibrate.copy_errors import Explained
-from spectrabox.calibrate.held_out_patches import PatchesWithout, gathered, patch_moments
+from spectrabox.calibrate.prior import curve_posterior
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
-from spectrabox.calibrate.prior.curve_posterior import (
-    curve_moments,
-    curve_variance,
-    mixture_moments,
-    nonnegative,
-    photo_states,
-)
 from spectrabox.calibrate.prior.prior_fit import CurvePosterior
-from spectrabox.calibrate.products.lamps import Lamps
-from spectrabox.calibrate.products.product_posterior import (
-    ProductPosterior,
-    hypothesis_moments,
-    posterior_of_products,
-    shares_without,
-)
-from spectrabox.calibrate.products.product_prior import ProductPrior, product_prior
-from spectrabox.calibrate.sensitivity import PriorFit, require_fit_for, sensitivity_fit
+from spectrabox.calibrate.products import product_posterior
+from spectrabox.calibrate.products.lamps import Lamps, ProductPrior, product_prior
 from spectrabox.radiometry.covariance import symmetric
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import interpolation_matrix
@@ -52,14 +33,14 @@ MAX_HYPOTHESES, MAX_COMPONENTS = 3, 200     # that a fit without a patch is comp
 class ProductFit:
     """The fit of products in the form of every other, and what is known of the light."""
 
-    fit: PriorFit
+    fit: sensitivity.PriorFit
     light: LightPosterior
-    posterior: ProductPosterior
+    posterior: product_posterior.ProductPosterior
 
 
-def fit_products(photos: list[ChartEquations], cameras: CameraPrior, lamps: Lamps,
+def fit_products(photos: list[chart_equations.ChartEquations], cameras: CameraPrior, lamps: Lamps,
                  grid: WavelengthGrid, light_words: str,
-                 excluded: ChartEquations | None = None) -> ProductFit:
+                 excluded: chart_equations.ChartEquations | None = None) -> ProductFit:
     """Products of sensitivity and light, exposure, field and glare of chart photos under one light.
 
     Parameters
@@ -84,44 +65,47 @@ def fit_products(photos: list[ChartEquations], cameras: CameraPrior, lamps: Lamp
     InputError
         If the cameras have another number of bands than the photos.
     """
-    require_fit_for(photos, cameras)
+    sensitivity.require_fit_for(photos, cameras)
     prior = product_prior(cameras, lamps, SEED)
-    posterior = posterior_of_products(photos, prior)
+    posterior = product_posterior.posterior_of_products(photos, prior)
     curves = _as_curves(posterior, photos, grid)
     without = _without_each(posterior, photos, grid, excluded)
-    moments = curve_moments(curves, prior.bands)
-    states = photo_states(curves, photos, moments)
+    moments = curve_posterior.curve_moments(curves, prior.bands)
+    states = curve_posterior.photo_states(curves, photos, moments)
     share = _prior_share(posterior, curves, moments.covariance, grid)
     light = light_posterior(posterior, grid)
     held_out = without.predicted(np.vstack([photos[0].reflectances] if excluded is None else [
         photos[0].reflectances, excluded.reflectances]))[:len(photos[0].signal)]
-    fit = sensitivity_fit(photos[0], curves, moments, states[0].predicted, held_out, grid,
-                          f"{PRODUCTS}, {light_words}: mixture of cameras "
-                          f"({cameras.source}) and {len(lamps.names)} lamps")
+    fit = sensitivity.sensitivity_fit(
+        photos[0], curves, moments, states[0].predicted, held_out, grid,
+        f"{PRODUCTS}, {light_words}: mixture of cameras "
+        f"({cameras.source}) and {len(lamps.names)} lamps")
     best = max(posterior.hypotheses, key=lambda hypothesis: hypothesis.share)
     chi_square = sum(h.share * h.chi_square for h in posterior.hypotheses)
-    joint = PriorFit(fit, curves, tuple(states), (held_out, *(state.predicted
+    joint = sensitivity.PriorFit(fit, curves, tuple(states), (held_out, *(state.predicted
                                                              for state in states[1:])),
                      share, (), curves.model_error, float(chi_square), without,
                      Explained(np.exp(best.log_weights), best.seen, best.inverse))
     return ProductFit(joint, light, posterior)
 
 
-def _as_curves(posterior: ProductPosterior, photos: list[ChartEquations],
+def _as_curves(posterior: product_posterior.ProductPosterior,
+               photos: list[chart_equations.ChartEquations],
                grid: WavelengthGrid) -> CurvePosterior:
     """The posterior as one of curves under a light of 1, a component for each hypothesis."""
     prior, basis = posterior.prior, interpolation_matrix(posterior.prior.nm, grid.nm)
     mass = grid.weights_nm @ basis
     means, covariances = [], []
     for hypothesis in posterior.hypotheses:
-        mean, covariance = hypothesis_moments(posterior, hypothesis)
+        mean, covariance = product_posterior.hypothesis_moments(posterior, hypothesis)
         state, spread = in_curves(prior, mean, covariance, mass)
         means.append(state)
         covariances.append(spread)
     shares = np.array([hypothesis.share for hypothesis in posterior.hypotheses])
     shares /= shares.sum()
     best = posterior.hypotheses[int(np.argmax(shares))]
-    error = mean_error(shares, [hypothesis.error for hypothesis in posterior.hypotheses])
+    error = chart_equations.mean_error(shares,
+                                       [hypothesis.error for hypothesis in posterior.hypotheses])
     return CurvePosterior(basis, shares, np.array(means), np.array(covariances), shares, error,
                           posterior.log_evidence, 0, best.gain_sd, best.error, WIDENING)
 
@@ -143,7 +127,7 @@ def in_curves(prior: ProductPrior, mean: np.ndarray, covariance: np.ndarray,
     nuisances = mean.size - entries - bands
     # no product is negative; what varies with those that are cut off moves along, so that the
     # signals of all photos stay fitted
-    mean = nonnegative(mean, covariance, bands * nodes)
+    mean = curve_posterior.nonnegative(mean, covariance, bands * nodes)
     product = mean[prior.products].reshape(bands, nodes)
     product = product / product.sum(axis=1, keepdims=True)
     level = np.exp(mean[prior.balance] + mean[entries + nuisances:])
@@ -160,33 +144,40 @@ def in_curves(prior: ProductPrior, mean: np.ndarray, covariance: np.ndarray,
     return state, symmetric(WIDENING**2 * change @ covariance @ change.T)
 
 
-def _without_each(posterior: ProductPosterior, photos: list[ChartEquations], grid: WavelengthGrid,
-                  excluded: ChartEquations | None) -> PatchesWithout:
+def _without_each(
+        posterior: product_posterior.ProductPosterior, photos: list[chart_equations.ChartEquations],
+        grid: WavelengthGrid,
+        excluded: chart_equations.ChartEquations | None) -> held_out_patches.PatchesWithout:
     """Every patch of the first photo by the hypotheses that are likely, then the excluded."""
     prior, basis = posterior.prior, interpolation_matrix(posterior.prior.nm, grid.nm)
     mass, bands = grid.weights_nm @ basis, posterior.prior.bands
     size = bands * prior.nm.size
     likely = sorted(posterior.hypotheses, key=lambda h: -h.share)[:MAX_HYPOTHESES]
-    own = size + 1 + nuisance_sd(photos[0]).size
+    own = size + 1 + chart_equations.nuisance_sd(photos[0]).size
     patches = []
     photo = photos[0]
     ours = [(photo, patch) for patch in range(len(photo.signal))]
     others = ([] if excluded is None
               else [(excluded, patch) for patch in range(len(excluded.signal))])
     for source, patch in ours + others:
-        rows = rows_of_patch(photos, patch) if source is photo else None
+        rows = chart_equations.rows_of_patch(photos, patch) if source is photo else None
         shares = (np.array([h.share for h in likely]) if rows is None
-                  else shares_without(likely, rows))
-        moments = [hypothesis_moments(posterior, h, rows, MAX_COMPONENTS) for h in likely]
-        state, spread = in_curves(prior, *mixture_moments(shares, *zip(*moments, strict=True)),
-                                  mass)
-        patches.append(patch_moments(source, patch, state[:own], spread[:own, :own], basis))
-    error = mean_error(np.array([h.share for h in likely]), [h.error for h in likely])
-    return gathered([photo, *([] if excluded is None else [excluded])], basis, error, patches)
+                  else product_posterior.shares_without(likely, rows))
+        moments = [
+            product_posterior.hypothesis_moments(posterior, h, rows, MAX_COMPONENTS) for h in likely
+        ]
+        state, spread = in_curves(
+            prior, *curve_posterior.mixture_moments(shares, *zip(*moments, strict=True)), mass)
+        patches.append(
+            held_out_patches.patch_moments(source, patch, state[:own], spread[:own, :own], basis))
+    error = chart_equations.mean_error(np.array([h.share for h in likely]),
+                                       [h.error for h in likely])
+    return held_out_patches.gathered([photo, *([] if excluded is None else [excluded])], basis,
+                                     error, patches)
 
 
-def _prior_share(posterior: ProductPosterior, curves: CurvePosterior, covariance: np.ndarray,
-                 grid: WavelengthGrid) -> np.ndarray:
+def _prior_share(posterior: product_posterior.ProductPosterior, curves: CurvePosterior,
+                 covariance: np.ndarray, grid: WavelengthGrid) -> np.ndarray:
     """Share (K, P) of the prior's uncertainty that the photo left, of curves of largest value 1."""
     prior = posterior.prior
     mass = grid.weights_nm @ curves.basis
@@ -196,7 +187,7 @@ def _prior_share(posterior: ProductPosterior, curves: CurvePosterior, covariance
     before = before / before.max(axis=(1, 2), keepdims=True)
     mean = np.einsum("c,ckn->kn", prior.weights, before)
     variance = np.einsum("c,ckn->kn", prior.weights, (before - mean) ** 2) @ curves.basis.T
-    after = curve_variance(curves.basis, covariance, prior.bands)
+    after = curve_posterior.curve_variance(curves.basis, covariance, prior.bands)
     return np.clip(np.sqrt(after / np.maximum(variance, 1e-9 * variance.max())), 0, 1)
 
 
@@ -213,7 +204,8 @@ EVIDENCE_POWER = 0.65
 NARROWED = 0.75             # width of the band over the prior's: above, the photo says little
 
 
-def light_posterior(posterior: ProductPosterior, grid: WavelengthGrid) -> LightPosterior:
+def light_posterior(posterior: product_posterior.ProductPosterior,
+                    grid: WavelengthGrid) -> LightPosterior:
     """The light behind the products.
 
     Parameters
@@ -247,7 +239,7 @@ def light_posterior(posterior: ProductPosterior, grid: WavelengthGrid) -> LightP
                           LEVEL, _findings(shares, half, before, mean))
 
 
-def kind_probabilities(posterior: ProductPosterior) -> np.ndarray:
+def kind_probabilities(posterior: product_posterior.ProductPosterior) -> np.ndarray:
     """Probability (Q,) of each of ``LIGHT_KINDS``.
 
     Parameters
@@ -261,7 +253,7 @@ def kind_probabilities(posterior: ProductPosterior) -> np.ndarray:
     return _tempered(np.bincount(kind, prior.weights, minlength=count), shares)
 
 
-def share_of_lamps(posterior: ProductPosterior, like: np.ndarray) -> float:
+def share_of_lamps(posterior: product_posterior.ProductPosterior, like: np.ndarray) -> float:
     """Probability of some lamps against all others.
 
     Parameters

@@ -21,19 +21,10 @@ from typing import Annotated, Any
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from spectrabox.calibrate.chart_equations import (
-    COMMON_ERRORS,
-    ChartEquations,
-    PatchError,
-    noise_of_photos,
-    nuisance_sd,
-    nuisance_starts,
-    passed,
-    passed_slope,
-)
+from spectrabox.calibrate import chart_equations
 from spectrabox.calibrate.held_out_patches import covariance_without, weights_without
-from spectrabox.calibrate.prior.prior_fit import EXPOSURE_SD, GAINS, LINEARISED_AT
-from spectrabox.calibrate.products.product_prior import ProductPrior
+from spectrabox.calibrate.prior import prior_fit
+from spectrabox.calibrate.products.lamps import ProductPrior
 from spectrabox.radiometry.covariance import block_diagonal
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.shaped import Record
@@ -64,7 +55,7 @@ class Hypothesis(Record):
 
     width: float
     gain_sd: float
-    error: PatchError
+    error: chart_equations.PatchError
     share: float                                    # posterior probability
     # of the components, their exponentials summing to 1: what is negligible with a patch may be
     # all there is without it, so that logarithms are kept below what exp() can tell from 0
@@ -92,7 +83,8 @@ class ProductPosterior(Record):
     log_evidence: float                             # up to a constant of the photos
 
 
-def posterior_of_products(photos: list[ChartEquations], prior: ProductPrior) -> ProductPosterior:
+def posterior_of_products(photos: list[chart_equations.ChartEquations],
+                          prior: ProductPrior) -> ProductPosterior:
     """Posterior of products, light and nuisances from chart photos under one light.
 
     Parameters
@@ -101,11 +93,14 @@ def posterior_of_products(photos: list[ChartEquations], prior: ProductPrior) -> 
         Of one camera under one light, see ``fit_products`` on their ``power``.
     prior : ProductPrior
     """
-    return _solved(prior, _weighed(photos, prior, _about_the_best(photos, prior), WIDTHS, GAINS,
-                                   ERRORS, COMMON_ERRORS))
+    return _solved(
+        prior,
+        _weighed(photos, prior, _about_the_best(photos, prior), WIDTHS, prior_fit.GAINS, ERRORS,
+                 chart_equations.COMMON_ERRORS))
 
 
-def evidence_of_products(photos: list[ChartEquations], prior: ProductPrior) -> float:
+def evidence_of_products(photos: list[chart_equations.ChartEquations],
+                         prior: ProductPrior) -> float:
     """``log_evidence`` of ``posterior_of_products`` alone, without moments.
 
     Parameters
@@ -114,13 +109,15 @@ def evidence_of_products(photos: list[ChartEquations], prior: ProductPrior) -> f
         Of one camera under one light, see ``fit_products`` on their ``power``.
     prior : ProductPrior
     """
-    return _shares(_weighed(photos, prior, _about_the_best(photos, prior), WIDTHS, GAINS, ERRORS,
-                            COMMON_ERRORS).tried)[1]
+    return _shares(
+        _weighed(photos, prior, _about_the_best(photos, prior), WIDTHS, prior_fit.GAINS, ERRORS,
+                 chart_equations.COMMON_ERRORS).tried)[1]
 
 
-def _about_the_best(photos: list[ChartEquations], prior: ProductPrior) -> LinearChart:
+def _about_the_best(photos: list[chart_equations.ChartEquations],
+                    prior: ProductPrior) -> LinearChart:
     """The equations linearised about what explains the photos."""
-    starts = nuisance_starts(photos)
+    starts = chart_equations.nuisance_starts(photos)
     best = (prior.weights @ prior.components, np.zeros(starts[-1]), np.zeros(prior.bands))
     products = best[0][prior.products].reshape(prior.bands, -1)
     for photo, start in zip(photos, starts, strict=False):
@@ -132,8 +129,8 @@ def _about_the_best(photos: list[ChartEquations], prior: ProductPrior) -> Linear
     filtered = any(photo.filter is not None for photo in photos)
     for _ in range(FILTER_STEPS if filtered else STEPS):
         chart = linearised(photos, prior, *best, before)
-        posterior = _solved(prior, _weighed(photos, prior, chart, WIDTHS[1:2], GAINS[1:2],
-                                            (LINEARISED_AT,)))
+        posterior = _solved(prior, _weighed(photos, prior, chart, WIDTHS[1:2], prior_fit.GAINS[1:2],
+                                            (prior_fit.LINEARISED_AT,)))
         hypothesis = posterior.hypotheses[0]
         chosen = np.argsort(-hypothesis.weights)[:MAX_COMPONENTS]
         weights = hypothesis.weights[chosen] / hypothesis.weights[chosen].sum()
@@ -145,8 +142,9 @@ def _about_the_best(photos: list[ChartEquations], prior: ProductPrior) -> Linear
     return linearised(photos, prior, *best, before)
 
 
-def linearised(photos: list[ChartEquations], prior: ProductPrior, component: np.ndarray,
-               nuisance: np.ndarray, gains: np.ndarray, start: np.ndarray) -> LinearChart:
+def linearised(photos: list[chart_equations.ChartEquations], prior: ProductPrior,
+               component: np.ndarray, nuisance: np.ndarray, gains: np.ndarray,
+               start: np.ndarray) -> LinearChart:
     """The equations about one state.
 
     Parameters
@@ -162,11 +160,12 @@ def linearised(photos: list[ChartEquations], prior: ProductPrior, component: np.
     product_now = component[prior.products].reshape(bands, nodes)
     level = component[prior.balance] + gains
     measured, by_component, by_nuisance, by_gain, variances = [], [], [], [], []
-    for photo, (at, stop) in zip(photos, pairwise(nuisance_starts(photos)), strict=True):
+    for photo, (at, stop) in zip(photos, pairwise(chart_equations.nuisance_starts(photos)),
+                                 strict=True):
         modes = photo.modes(interpolation_matrix(prior.nm, FINE_GRID.nm))
         of_filter = nuisance[stop - modes.shape[1]:stop]
         stated, error = node_reflectances(photo, prior.nm), modes @ of_filter
-        design = stated * passed(error)
+        design = stated * chart_equations.passed(error)
         patches, terms = photo.signal.shape[0], photo.field_terms.shape[1]
         exposure, field = nuisance[at], nuisance[at + 1:at + 1 + terms]
         irradiance = np.exp(exposure + photo.field_terms @ field) * photo.irradiance / np.pi
@@ -181,8 +180,9 @@ def linearised(photos: list[ChartEquations], prior: ProductPrior, component: np.
         nuisances[:, :, at + 1:at + 1 + terms] = signal[:, :, None] * photo.field_terms[:, None]
         if photo.glare:
             nuisances[:, :, at + 1 + terms:at + 1 + terms + bands] = np.eye(bands)
-        by_filter = np.einsum("ik,in,kn,nf->ikf", scale, stated * passed_slope(error), product_now,
-                              modes, optimize=True)
+        by_filter = np.einsum("ik,in,kn,nf->ikf", scale,
+                              stated * chart_equations.passed_slope(error), product_now, modes,
+                              optimize=True)
         nuisances[:, :, stop - modes.shape[1]:stop] = by_filter
         of_gain = signal[:, :, None] * np.eye(bands)
         offset = (signal * (level + exposure + (photo.field_terms @ field)[:, None])
@@ -191,12 +191,12 @@ def linearised(photos: list[ChartEquations], prior: ProductPrior, component: np.
         by_component.append(rows.reshape(patches * bands, -1))
         by_nuisance.append(nuisances.reshape(patches * bands, -1))
         by_gain.append(of_gain.reshape(patches * bands, -1))
-        variances.append(np.r_[EXPOSURE_SD, nuisance_sd(photo)]**2)
+        variances.append(np.r_[prior_fit.EXPOSURE_SD, chart_equations.nuisance_sd(photo)]**2)
     return LinearChart(np.concatenate(measured), np.vstack(by_component), np.vstack(by_nuisance),
                        np.concatenate(variances), start, np.vstack(by_gain))
 
 
-def node_reflectances(photo: ChartEquations, nm: np.ndarray) -> np.ndarray:
+def node_reflectances(photo: chart_equations.ChartEquations, nm: np.ndarray) -> np.ndarray:
     """Reflectances (I, N), times the filter's transmittance, as seen by the mass at each node.
 
     Parameters
@@ -220,10 +220,10 @@ class _Weighed:
     own: np.ndarray             # (Y, Y) of the signals where patches are off by 1 in each band
     readable: int               # signals, of Y
     # width, spread of gains, error; log weights (C,), squares (C,), covariance (Y, Y) without error
-    tried: list[tuple[float, float, PatchError, np.ndarray, np.ndarray, np.ndarray]]
+    tried: list[tuple[float, float, chart_equations.PatchError, np.ndarray, np.ndarray, np.ndarray]]
 
 
-def _weighed(photos: list[ChartEquations], prior: ProductPrior, chart: LinearChart,
+def _weighed(photos: list[chart_equations.ChartEquations], prior: ProductPrior, chart: LinearChart,
              widths: tuple[tuple[float, float], ...], gains: tuple[tuple[float, float], ...],
              errors: tuple[float, ...], in_common: tuple[float, ...] = (0.0,)) -> _Weighed:
     """All hypotheses for one linearisation; ``errors`` of each band by itself, ``in_common`` of
@@ -234,10 +234,15 @@ def _weighed(photos: list[ChartEquations], prior: ProductPrior, chart: LinearCha
     spread = chart.by_component @ prior.covariance @ chart.by_component.T
     known = (chart.by_nuisance * chart.nuisance_variance) @ chart.by_nuisance.T
     of_gains = chart.by_gain @ chart.by_gain.T
-    own = noise_of_photos(photos, PatchError(1.0)) - noise_of_photos(photos, PatchError(0.0))
+    own = chart_equations.noise_of_photos(
+        photos, chart_equations.PatchError(1.0)) - chart_equations.noise_of_photos(
+            photos, chart_equations.PatchError(0.0))
     root = np.linalg.cholesky(own)
     volume = np.log(np.diag(root)).sum()
-    pixels = [noise_of_photos(photos, PatchError(0.0, common)) for common in in_common]
+    pixels = [
+        chart_equations.noise_of_photos(photos, chart_equations.PatchError(0.0, common))
+        for common in in_common
+    ]
     log_prior = np.log(prior.weights)
     scaled = solve_triangular(root, innovation.T, lower=True).T
     tried = []
@@ -253,7 +258,8 @@ def _weighed(photos: list[ChartEquations], prior: ProductPrior, chart: LinearCha
             square = rotated @ (1 / variances)
             logs = (log_prior - 0.5 * square - 0.5 * np.log(variances).sum()
                     - volume + np.log(width_share * gain_share))
-            tried.append((width, gain, PatchError(error, common), logs, square, rest))
+            tried.append((width, gain, chart_equations.PatchError(error,
+                                                                  common), logs, square, rest))
     readable = sum(int(np.count_nonzero(photo.readable)) for photo in photos)
     return _Weighed(chart, innovation, own, readable, tried)
 

@@ -27,6 +27,7 @@ from spectrabox.capture.chart.chart_agreement import (
 )
 from spectrabox.capture.chart.patches import image_from_sensor, sensor_from_image
 from spectrabox.capture.photo.preview import signal_rgb8
+from spectrabox.radiometry import errors
 from spectrabox.radiometry.chart import (
     AS_ASKED,
     CLASSIC,
@@ -35,9 +36,8 @@ from spectrabox.radiometry.chart import (
     corner_patches,
     table_orders,
 )
-from spectrabox.radiometry.errors import ChartNotFoundError, CheckError, InputError
 from spectrabox.radiometry.findings import Finding, Severity
-from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PhotoKind
+from spectrabox.radiometry.records import photos
 
 QUAD_SHARE = 0.6                         # of a patch's side that is sampled
 PICTURE_SIDES = (1600, 1000, 2400)       # px, long side of the picture searched, in this order
@@ -65,8 +65,9 @@ OVERLAY_SIDE = 1400                      # px, what a report shows
 KINDS = {(4, 6): cv2.mcc.MCC24, (10, 14): cv2.mcc.SG140}     # rows and columns that OpenCV knows
 
 
-def find_chart(image: LinearImage, reference: np.ndarray, corners_px: np.ndarray | None = None,
-               chart: Chart = CLASSIC) -> ChartDetection:
+def find_chart(image: photos.LinearImage, reference: np.ndarray,
+               corners_px: np.ndarray | None = None,
+               chart: Chart = CLASSIC) -> photos.ChartDetection:
     """The chart's patches, detected or checked at the corners that the operator gave.
 
     Parameters
@@ -89,13 +90,15 @@ def find_chart(image: LinearImage, reference: np.ndarray, corners_px: np.ndarray
     """
     detection = locate_chart(image, reference, corners_px, chart)
     if detection.mirrored:
-        raise CheckError(f"photo {image.source} shows the chart mirrored; give the photo as the "
-                         "camera took it, without flipping or a mirror in the light path")
+        raise errors.CheckError(
+            f"photo {image.source} shows the chart mirrored; give the photo as the "
+            "camera took it, without flipping or a mirror in the light path")
     return detection
 
 
-def locate_chart(image: LinearImage, reference: np.ndarray, corners_px: np.ndarray | None = None,
-                 chart: Chart = CLASSIC) -> ChartDetection:
+def locate_chart(image: photos.LinearImage, reference: np.ndarray,
+                 corners_px: np.ndarray | None = None,
+                 chart: Chart = CLASSIC) -> photos.ChartDetection:
     """As ``find_chart``, but a mirrored chart is returned and marked.
 
     Parameters
@@ -109,11 +112,12 @@ def locate_chart(image: LinearImage, reference: np.ndarray, corners_px: np.ndarr
     """
     patches, bands = len(chart.names), image.signal.shape[2]
     if reference.shape not in ((patches, MIXED_BANDS), (patches, bands)):
-        raise InputError(f"photo {image.source} has {bands} bands and the chart reference is "
-                         f"{reference.shape}; signals of red, green and blue, or of each band, are "
-                         "needed for each patch")
+        raise errors.InputError(
+            f"photo {image.source} has {bands} bands and the chart reference is "
+            f"{reference.shape}; signals of red, green and blue, or of each band, are "
+            "needed for each patch")
     best = np.inf
-    refusal: CheckError | None = None
+    refusal: errors.CheckError | None = None
     reading: str | None = None
     picture = signal_rgb8(image.signal)
     for quads_px, how_found in _proposals(image, picture, corners_px, chart):
@@ -125,13 +129,13 @@ def locate_chart(image: LinearImage, reference: np.ndarray, corners_px: np.ndarr
                 _require_chart(image, agreement, chart, by_hand=corners_px is not None)
                 if chart.black_frame:
                     _require_gaps(image, picture, ordered, chart)
-            except CheckError as error:  # the next proposal may fit the patches better
+            except errors.CheckError as error:  # the next proposal may fit the patches better
                 refusal = refusal or error
                 continue
             # mirrored: the way along the first row and down the last column turns left, y down
             corners = corner_patches(chart.rows, chart.columns)[:3]
             start, turn, end = (ordered[patch].mean(axis=0) for patch in corners)
-            return ChartDetection(corners_px=ordered,
+            return photos.ChartDetection(corners_px=ordered,
                                   confidence=float(np.exp(-agreement.residual / CONFIDENCE_SCALE)),
                                   mirrored=bool(np.linalg.det([turn - start, end - turn]) < 0),
                                   how_found=how_found)
@@ -141,12 +145,13 @@ def locate_chart(image: LinearImage, reference: np.ndarray, corners_px: np.ndarr
     if refusal is not None:
         raise refusal
     if reading is not None:
-        raise CheckError(_other_order(image, chart, reading))
-    raise ChartNotFoundError(_not_found(image, best, chart, by_hand=corners_px is not None))
+        raise errors.CheckError(_other_order(image, chart, reading))
+    raise errors.ChartNotFoundError(_not_found(image, best, chart, by_hand=corners_px is not None))
 
 
-def find_chart_again(image: LinearImage, reference: np.ndarray, before: ChartDetection,
-                     chart: Chart = CLASSIC) -> ChartDetection:
+def find_chart_again(image: photos.LinearImage, reference: np.ndarray,
+                     before: photos.ChartDetection,
+                     chart: Chart = CLASSIC) -> photos.ChartDetection:
     """The chart in a photo through a filter or under odd light, from the same tripod as another:
     in the same position, which the bands that are bright confirm; else searched for.
 
@@ -177,7 +182,7 @@ def find_chart_again(image: LinearImage, reference: np.ndarray, before: ChartDet
     return find_chart(image, reference, None, chart)
 
 
-def chart_overlay(image: LinearImage, detection: ChartDetection) -> np.ndarray:
+def chart_overlay(image: photos.LinearImage, detection: photos.ChartDetection) -> np.ndarray:
     """Picture (H, W, 3) uint8 of the photo with the I sampled quadrilaterals, numbered from 1.
 
     Parameters
@@ -203,7 +208,7 @@ def chart_overlay(image: LinearImage, detection: ChartDetection) -> np.ndarray:
 
 # ---- proposals -----------------------------------------------------------------------------------
 
-def _proposals(image: LinearImage, picture: np.ndarray, corners_px: np.ndarray | None,
+def _proposals(image: photos.LinearImage, picture: np.ndarray, corners_px: np.ndarray | None,
                chart: Chart) -> Iterator[tuple[np.ndarray, Finding]]:
     """Quadrilaterals (I, 4, 2) in sensor pixels and where they are from, the likeliest first."""
     if corners_px is not None:
@@ -324,48 +329,51 @@ def homography(source: np.ndarray, target: np.ndarray) -> np.ndarray:
     """
     matrix, _ = cv2.findHomography(source, target)
     if matrix is None:
-        raise InputError("the chart corners lie on one line; give the four outer corners of the "
-                         "patch grid")
+        raise errors.InputError(
+            "the chart corners lie on one line; give the four outer corners of the "
+            "patch grid")
     return matrix
 
 
 # ---- verdicts ------------------------------------------------------------------------------------
 
-def _other_order(image: LinearImage, chart: Chart, reading: str) -> str:
+def _other_order(image: photos.LinearImage, chart: Chart, reading: str) -> str:
     return (f"photo {image.source}: the patches agree with the reference of the {chart.name} only "
             f"if one of the two is read {reading}; list the reference row by row, "
             f"{chart.names[0]} first, or name its samples after the patches, and give {CORNERS} "
             f"at {chart.corner_words}")
 
 
-def _require_chart(image: LinearImage, agreement: Agreement, chart: Chart, by_hand: bool) -> None:
+def _require_chart(image: photos.LinearImage, agreement: Agreement, chart: Chart,
+                   by_hand: bool) -> None:
     """Refuse patches that agree with the chart as a whole but not in contrast, order or each."""
     lowest, highest = ACCEPTED_CONTRAST
     if not lowest <= agreement.contrast <= highest:
-        raise CheckError(f"photo {image.source} shows a chart, but its values go with the power "
-                         f"{agreement.contrast:.2f} of the light; give the camera raw, or a file "
-                         "without tone curve or sRGB encoding")
+        raise errors.CheckError(
+            f"photo {image.source} shows a chart, but its values go with the power "
+            f"{agreement.contrast:.2f} of the light; give the camera raw, or a file "
+            "without tone curve or sRGB encoding")
     # given corners or a reference in another order, where no published colours of the chart say
     # which of the two is the one to correct
     if by_hand and not chart.has_known_colours:
         for words, order in table_orders(chart.rows, chart.columns).items():
             if np.array_equal(order, agreement.order) and words != AS_ASKED:
-                raise CheckError(_other_order(image, chart, words))
-    limit = WORST_PATCH if image.kind is PhotoKind.RAW else WORST_ENCODED_PATCH
+                raise errors.CheckError(_other_order(image, chart, words))
+    limit = WORST_PATCH if image.kind is photos.PhotoKind.RAW else WORST_ENCODED_PATCH
     unlike = np.flatnonzero(agreement.misfit > limit)
     if unlike.size:
         worst = unlike[np.argsort(-agreement.misfit[unlike])]
         remedy = _dark_bands(image) or ("uncover and clean the chart, keep reflections off it, and "
                                         f"use a {chart.name.removeprefix('ColorChecker ')}: "
                                         f"{len(chart.names)} patches of this very order")
-        raise CheckError(f"photo {image.source}: patch "
+        raise errors.CheckError(f"photo {image.source}: patch "
                          f"{', '.join(str(patch + 1) for patch in worst[:6])} of the chart "
                          f"read{'s' if worst.size == 1 else ''} unlike a {chart.name} "
                          f"(relative misfit {agreement.misfit[worst[0]]:.2f}, at most {limit} is "
                          f"accepted); {remedy}")
 
 
-def _dark_bands(image: LinearImage) -> str | None:
+def _dark_bands(image: photos.LinearImage) -> str | None:
     """That the light leaves bands of the photo without signal, in words; None where it does not."""
     brightest = np.percentile(image.signal, BRIGHT_PERCENTILE, axis=(0, 1))
     share = brightest / brightest.max()
@@ -377,17 +385,18 @@ def _dark_bands(image: LinearImage) -> str | None:
             "look alike under it; photograph the chart under a light that covers 400-700 nm")
 
 
-def _require_gaps(image: LinearImage, picture: np.ndarray, quads_px: np.ndarray,
+def _require_gaps(image: photos.LinearImage, picture: np.ndarray, quads_px: np.ndarray,
                   chart: Chart) -> None:
     """Refuse a card whose patches stand closer than on any ColorChecker Classic."""
     gap = patch_gap(picture, image_from_sensor(quads_px, image.sensor_step), chart)
     if gap is None or gap < MIN_GAP:
         distance = ("at no visible distance" if gap is None
                     else f"only {gap:.1%} of their pitch")
-        raise CheckError(f"photo {image.source} shows a card with the colours of a ColorChecker "
-                         f"Classic, but its patches stand {distance} apart, 8 % or more on a "
-                         "Classic: it is another maker's card, of other reflectances, or out of "
-                         "focus; photograph a ColorChecker Classic in focus")
+        raise errors.CheckError(
+            f"photo {image.source} shows a card with the colours of a ColorChecker "
+            f"Classic, but its patches stand {distance} apart, 8 % or more on a "
+            "Classic: it is another maker's card, of other reflectances, or out of "
+            "focus; photograph a ColorChecker Classic in focus")
 
 
 def patch_gap(rgb8: np.ndarray, quads: np.ndarray, chart: Chart = CLASSIC) -> float | None:
@@ -423,7 +432,7 @@ def patch_gap(rgb8: np.ndarray, quads: np.ndarray, chart: Chart = CLASSIC) -> fl
     return float(np.median(widths)) if len(widths) >= MIN_GAPS else None
 
 
-def _not_found(image: LinearImage, residual: float, chart: Chart, by_hand: bool) -> str:
+def _not_found(image: photos.LinearImage, residual: float, chart: Chart, by_hand: bool) -> str:
     limit = f"at most {ACCEPTED_RESIDUAL} is accepted"
     if by_hand:
         misfit = (f"disagree with a chart by {residual:.2f}" if np.isfinite(residual)

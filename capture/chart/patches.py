@@ -7,7 +7,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import CheckError, ClippedPhotoError
 from spectrabox.radiometry.findings import Finding, Severity
-from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PatchSamples
+from spectrabox.radiometry.records import photos
 from spectrabox.radiometry.records.spectra import default_band_names
 
 MIN_SAMPLES = 16
@@ -18,7 +18,8 @@ MAX_CLIPPED = 8                     # one patch in so many may be clipped in a b
 MIN_BANDS = 3                       # that must be left
 
 
-def sample_patches(image: LinearImage, detection: ChartDetection) -> PatchSamples:
+def sample_patches(image: photos.LinearImage,
+                   detection: photos.ChartDetection) -> photos.PatchSamples:
     """Mean, covariance of the mean, saturation and gradient of each patch.
 
     Over the pixels whose centre lies in the quadrilateral: a plane is fitted to each band, pixels
@@ -39,8 +40,9 @@ def sample_patches(image: LinearImage, detection: ChartDetection) -> PatchSample
     return patches_and_excluded(image, detection)[0]
 
 
-def patches_and_excluded(image: LinearImage,
-                         detection: ChartDetection) -> tuple[PatchSamples, np.ndarray]:
+def patches_and_excluded(
+        image: photos.LinearImage,
+        detection: photos.ChartDetection) -> tuple[photos.PatchSamples, np.ndarray]:
     """As ``sample_patches``, and the share (I,) of samples left out as dust or glints.
 
     Parameters
@@ -54,12 +56,12 @@ def patches_and_excluded(image: LinearImage,
         np.array(column) for column in zip(*patches, strict=True))
     # how far matrices depart from fitted curves is known of LibRaw's alone
     known = None if image.matrix_of_file else image.camera_from_xyz
-    return PatchSamples(mean=mean, covariance_of_mean=covariance, pixels=pixels,
+    return photos.PatchSamples(mean=mean, covariance_of_mean=covariance, pixels=pixels,
                         saturated_fraction=saturated, gradient=gradient,
                         camera_from_xyz=known, taken_at=image.taken_at), excluded
 
 
-def clipped_bands(samples: PatchSamples, neutrals: Sequence[int] = ()) -> np.ndarray:
+def clipped_bands(samples: photos.PatchSamples, neutrals: Sequence[int] = ()) -> np.ndarray:
     """Bands (K,) in which too little of a chart can be read: more than an eighth of its patches are
     clipped, or the two lightest neutrals.
 
@@ -74,7 +76,7 @@ def clipped_bands(samples: PatchSamples, neutrals: Sequence[int] = ()) -> np.nda
     return lost | clipped[list(neutrals[:2])].all(axis=0) if len(neutrals) else lost
 
 
-def require_unclipped(samples: PatchSamples, names: Sequence[str], photo_name: str,
+def require_unclipped(samples: photos.PatchSamples, names: Sequence[str], photo_name: str,
                       neutrals: Sequence[int] = (), bands: Sequence[str] = (), *,
                       bands_may_drop: bool = False) -> tuple[Finding, ...]:
     """Refuse a chart photo whose clipped patches leave too little in a band (``clipped_bands``).
@@ -173,7 +175,8 @@ def sensor_from_image(xy: np.ndarray, sensor_step: float) -> np.ndarray:
     return (np.asarray(xy, dtype=float) + 0.5) * sensor_step - 0.5
 
 
-def _one_patch(image: LinearImage, quad_px: np.ndarray, number: int) -> tuple[np.ndarray, ...]:
+def _one_patch(image: photos.LinearImage, quad_px: np.ndarray,
+               number: int) -> tuple[np.ndarray, ...]:
     height, width = image.signal.shape[:2]
     corners = image_from_sensor(quad_px, image.sensor_step)
     if np.any(corners < -0.5) or np.any(corners > np.array([width, height]) - 0.5):

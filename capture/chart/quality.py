@@ -26,12 +26,7 @@ from spectrabox.capture.chart.patches import image_from_sensor, patches_and_excl
 from spectrabox.radiometry.appearance import encode_srgb
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.findings import Finding, Severity, faults
-from spectrabox.radiometry.records.photos import (
-    ChartDetection,
-    LinearImage,
-    PatchSamples,
-    PhotoKind,
-)
+from spectrabox.radiometry.records import photos
 
 MIN_WHITE_SIGNAL = 0.05          # of full scale: black-level errors are then 1 % of grey patches
 WANTED_WHITE_SIGNAL = 0.7        # of full scale, that a longer exposure is advised for
@@ -57,7 +52,7 @@ class ChartVerdict:
     """What was found of a chart photo, and the figures behind it."""
 
     findings: tuple[Finding, ...]
-    samples: PatchSamples
+    samples: photos.PatchSamples
     excluded: np.ndarray             # (I,) share of samples left out as dust or glints
     white_signal: float              # of the white patch in its brightest band, of full scale
     light: np.ndarray                # (I,) as it changes evenly over the chart, mean about 1
@@ -79,7 +74,7 @@ class ChartVerdict:
         return "good" if self.good else "re-shoot"
 
 
-def judge_chart(image: LinearImage, detection: ChartDetection, reference: np.ndarray,
+def judge_chart(image: photos.LinearImage, detection: photos.ChartDetection, reference: np.ndarray,
                 chart: Chart = CLASSIC, *, light_explained: bool = False) -> ChartVerdict:
     """Measure the patches and say whether to keep the photo.
 
@@ -103,14 +98,14 @@ def judge_chart(image: LinearImage, detection: ChartDetection, reference: np.nda
     agreement = chart_agreement(image, detection.corners_px, reference, chart)
     uneven = _range(agreement.light)
     # A file that went through a tone curve is undone by its power, as well as one number can.
-    linear = (samples.mean if image.kind is PhotoKind.RAW
+    linear = (samples.mean if image.kind is photos.PhotoKind.RAW
               else np.maximum(samples.mean, 0) ** (1 / agreement.contrast))
     grey = reference.sum(axis=1)
     lightest, darkest = ((chart.neutrals[0], chart.neutrals[-1]) if chart.neutrals
                          else (int(grey.argmax()), int(grey.argmin())))
     veil, glare = 0.0, np.zeros(len(linear))
     if linear.shape[1] == MIXED_BANDS:      # other bands are no mixture of the reference's
-        if image.kind is PhotoKind.RAW:
+        if image.kind is photos.PhotoKind.RAW:
             veil = veil_fit(linear, reference, chart, contrast=1.0)[0]
         veil = veil if veil > MAX_GLARE else 0.0
         glare = white_excess(linear - veil * linear.max(axis=0), reference, agreement.light,
@@ -118,7 +113,7 @@ def judge_chart(image: LinearImage, detection: ChartDetection, reference: np.nda
     white, pixels = float(samples.mean[lightest].max()), int(samples.pixels.min())
     tilt = tilt_deg(detection.corners_px, chart)
     blur, names = edge_width(image, detection.corners_px, chart), chart.names
-    processed = image.kind is PhotoKind.PROCESSED
+    processed = image.kind is photos.PhotoKind.PROCESSED
     findings = [*clipped(samples, names), *dark(white),
                 *([] if light_explained else uneven_light(agreement.light)), *veiled(veil),
                 *glaring(glare, names, MAX_PROCESSED_GLARE if processed else MAX_GLARE),
@@ -136,7 +131,7 @@ def judge_chart(image: LinearImage, detection: ChartDetection, reference: np.nda
 
 # ---- rules ---------------------------------------------------------------------------------------
 
-def clipped(samples: PatchSamples, names: Sequence[str]) -> list[Finding]:
+def clipped(samples: photos.PatchSamples, names: Sequence[str]) -> list[Finding]:
     """Saturated patches.
 
     Parameters
@@ -166,7 +161,7 @@ def dark(white: float) -> list[Finding]:
         "times": min(WANTED_WHITE_SIGNAL / max(white, 1e-3), MAX_TIMES)})]
 
 
-def black_noisy(samples: PatchSamples, darkest: int, white: float) -> list[Finding]:
+def black_noisy(samples: photos.PatchSamples, darkest: int, white: float) -> list[Finding]:
     """A black patch whose mean is lost in noise, of a photo that is not dark as a whole.
 
     Parameters
@@ -274,7 +269,7 @@ def blurred(blur: float) -> list[Finding]:
         if blur > MAX_BLUR else []
 
 
-def small(samples: PatchSamples, names: Sequence[str]) -> list[Finding]:
+def small(samples: photos.PatchSamples, names: Sequence[str]) -> list[Finding]:
     """A patch that has too few pixels for their noise.
 
     Parameters
@@ -292,16 +287,16 @@ def small(samples: PatchSamples, names: Sequence[str]) -> list[Finding]:
         "pixels": int(samples.pixels[worst]), "limit": MAX_MEAN_ERROR})]
 
 
-def no_raw_file(image: LinearImage) -> list[Finding]:
+def no_raw_file(image: photos.LinearImage) -> list[Finding]:
     """A photo that is no camera raw.
 
     Parameters
     ----------
     image : LinearImage
     """
-    if image.kind is PhotoKind.RAW:
+    if image.kind is photos.PhotoKind.RAW:
         return []
-    return [Finding("chart.processed-photo" if image.kind is PhotoKind.PROCESSED
+    return [Finding("chart.processed-photo" if image.kind is photos.PhotoKind.PROCESSED
                     else "chart.image-file", Severity.NOTE)]
 
 
@@ -322,7 +317,7 @@ def tilt_deg(quads_px: np.ndarray, chart: Chart = CLASSIC) -> float:
     return float(np.degrees(np.arccos(min(shortest / longest, 1.0))))
 
 
-def edge_width(image: LinearImage, quads_px: np.ndarray, chart: Chart = CLASSIC) -> float:
+def edge_width(image: photos.LinearImage, quads_px: np.ndarray, chart: Chart = CLASSIC) -> float:
     """Median width from 10 to 90 % of the outer edges of patches, in sides of a patch.
 
     Parameters

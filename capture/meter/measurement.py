@@ -13,20 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.capture.meter import serial_line
+from spectrabox.capture.meter.instruments import instrument_errors, interface
 from spectrabox.capture.meter.instruments.drivers import driver_named
-from spectrabox.capture.meter.instruments.instrument_errors import (
-    InstrumentError,
-    LineFaultError,
-    NoReplyError,
-    RefusedError,
-    UntrustedReadingError,
-)
-from spectrabox.capture.meter.instruments.interface import (
-    HeldResult,
-    Identity,
-    Instrument,
-)
-from spectrabox.capture.meter.serial_line import Hold, Log, Pace, open_line
 from spectrabox.capture.meter.stated import check_stated
 from spectrabox.radiometry.appearance import luminance_of
 from spectrabox.radiometry.findings import Finding, Severity
@@ -39,8 +28,9 @@ VISIBLE_NM = (400.0, 700.0)
 
 
 @contextlib.contextmanager
-def open_instrument(name: str, port: str, log: Log, pace: Pace | None = None,
-                    held: Hold = contextlib.nullcontext) -> Iterator[Instrument]:
+def open_instrument(
+        name: str, port: str, log: serial_line.Log, pace: serial_line.Pace | None = None,
+        held: serial_line.Hold = contextlib.nullcontext) -> Iterator[interface.Instrument]:
     """A driver on an open line; the instrument is left as it was, however the block ends.
 
     Where ``held`` keeps interrupts back, a command under way is finished, the instrument's answer
@@ -66,7 +56,7 @@ def open_instrument(name: str, port: str, log: Log, pace: Pace | None = None,
     InputError, InstrumentError
     """
     driver = driver_named(name)
-    instrument = driver(open_line(port, driver.line_settings, log, pace, held))
+    instrument = driver(serial_line.open_line(port, driver.line_settings, log, pace, held))
     with contextlib.ExitStack() as closing:
         try:
             try:
@@ -77,7 +67,7 @@ def open_instrument(name: str, port: str, log: Log, pace: Pace | None = None,
             instrument.close()
 
 
-def trusted_identity(instrument: Instrument) -> Identity:
+def trusted_identity(instrument: interface.Instrument) -> interface.Identity:
     """Who answers, asked twice unless replies have a check byte: a changed digit in a serial number
     would otherwise go unseen.
 
@@ -92,12 +82,13 @@ def trusted_identity(instrument: Instrument) -> Identity:
     first = instrument.identify()
     second = first if instrument.checks_bytes else instrument.identify()
     if first != second:
-        raise UntrustedReadingError(f"{instrument.line.name}: asked twice, the instrument named "
-                                    f"itself {first} and {second}; check the cable")
+        raise instrument_errors.UntrustedReadingError(
+            f"{instrument.line.name}: asked twice, the instrument named "
+            f"itself {first} and {second}; check the cable")
     return first
 
 
-def take_reading(instrument: Instrument, identity: Identity, *,
+def take_reading(instrument: interface.Instrument, identity: interface.Identity, *,
                  transcript: str = "") -> SpectralReading:
     """Measure once and read the result until two readings in a row agree, or one whose bytes the
     instrument lets us check.
@@ -142,9 +133,9 @@ def take_reading(instrument: Instrument, identity: Identity, *,
                            lab=held.lab, calibration=_calibration(instrument), **facts)
 
 
-def _trusted_result(instrument: Instrument) -> HeldResult:
-    before: HeldResult | None = None
-    last: InstrumentError | None = None
+def _trusted_result(instrument: interface.Instrument) -> interface.HeldResult:
+    before: interface.HeldResult | None = None
+    last: instrument_errors.InstrumentError | None = None
     silent = 0
     for _ in range(READS):
         try:
@@ -155,25 +146,27 @@ def _trusted_result(instrument: Instrument) -> HeldResult:
                 instrument.line.drain(0.05)
                 return held
             before = held
-        except NoReplyError as error:
+        except instrument_errors.NoReplyError as error:
             silent += 1
             if silent > 1:
                 raise
             before, last = None, error
-        except (LineFaultError, UntrustedReadingError, RefusedError) as error:
+        except (instrument_errors.LineFaultError, instrument_errors.UntrustedReadingError,
+                instrument_errors.RefusedError) as error:
             before, last = None, error
         instrument.line.drain(0.1)
-    raise last or UntrustedReadingError(f"{instrument.line.name}: {READS} readings of the same "
-                                        "result all differ; check the cable, then measure again")
+    raise last or instrument_errors.UntrustedReadingError(
+        f"{instrument.line.name}: {READS} readings of the same "
+        "result all differ; check the cable, then measure again")
 
 
-def _is_dark(held: HeldResult) -> bool:
+def _is_dark(held: interface.HeldResult) -> bool:
     stated = held.stated.luminance
     return not np.any(held.values > 0) or (stated is not None and stated.value <= 0
                                            and luminance_of(held.nm, held.values) <= 0)
 
 
-def negative_values(held: HeldResult) -> list[Finding]:
+def negative_values(held: interface.HeldResult) -> list[Finding]:
     """Values in the visible range that are negative: the light is near the instrument's noise."""
     inside = (held.nm >= VISIBLE_NM[0]) & (held.nm <= VISIBLE_NM[1])
     negative = int(np.sum(held.values[inside] < 0))
@@ -181,20 +174,20 @@ def negative_values(held: HeldResult) -> list[Finding]:
         "negative": negative, "values": int(inside.sum())})] if negative else []
 
 
-def not_checked(held: HeldResult) -> list[Finding]:
+def not_checked(held: interface.HeldResult) -> list[Finding]:
     """A spectrum of light without a luminance to check it against."""
     stated = held.stated.luminance is not None or held.quantity is Quantity.REFLECTANCE
     return [] if stated else [Finding("meter.no-luminance", Severity.NOTE)]
 
 
-def not_calibrated(instrument: Instrument) -> list[Finding]:
+def not_calibrated(instrument: interface.Instrument) -> list[Finding]:
     """Calibrations that the instrument wants and did not get since it was opened."""
     missing = [which for which in instrument.calibrations if which not in instrument.calibrated]
     return [Finding("meter.not-calibrated", Severity.NOTE, values={"missing": missing})] \
         if missing else []
 
 
-def _calibration(instrument: Instrument) -> str | None:
+def _calibration(instrument: interface.Instrument) -> str | None:
     """What the instrument was calibrated with and when; None of one that needs no calibration."""
     if not instrument.calibrations:
         return None

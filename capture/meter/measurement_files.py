@@ -1,6 +1,6 @@
-"""Readings on disk: each is written whole before anyone sees it, so that a crash loses nothing that
-was measured.
-"""
+"""Readings on disk, each written whole before anyone sees it, and as plots."""
+
+
 from __future__ import annotations
 
 import json
@@ -11,14 +11,73 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.radiometry import files
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
-from spectrabox.radiometry.files import require_no_link, write_text_whole
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.readings import ReadingOutcome, SpectralReading
-from spectrabox.radiometry.system.words import file_stem, name_fault, shortened
+from spectrabox.radiometry.system import words
+
+BLOCKS = " ▁▂▃▄▅▆▇█"
+WIDTH, HEIGHT = 72, 12      # characters
+
+
+def text_plot(spectrum: Spectrum) -> str:
+    """A spectrum as columns of block characters; negative values stay empty.
+
+    Parameters
+    ----------
+    spectrum : Spectrum
+        Its largest value fills the height.
+    """
+    nm, values = spectrum.grid.nm, spectrum.values
+    at = np.linspace(nm[0], nm[-1], WIDTH)
+    top = float(values.max())
+    levels = np.clip(np.interp(at, nm, values) / top, 0, 1) * HEIGHT if top > 0 else np.zeros(WIDTH)
+    rows = []
+    for row in range(HEIGHT - 1, -1, -1):
+        filled = np.clip(np.round((levels - row) * 8), 0, 8).astype(int)
+        label = f"{top:9.3g} " if row == HEIGHT - 1 else f"{0:9.3g} " if row == 0 else " " * 10
+        rows.append(label + "".join(BLOCKS[level] for level in filled))
+    rows.append(f"{'':10}{nm[0]:<8g}{f'{nm[-1]:g} nm':>{WIDTH - 8}}")
+    return "\n".join(rows) + f"\n{'':10}{spectrum.quantity.name.lower()}, {spectrum.quantity.value}"
+
+
+def png_plot(spectrum: Spectrum, path: Path) -> None:
+    """Write a picture of the spectrum with its standard error as a band.
+
+    Parameters
+    ----------
+    spectrum : Spectrum
+    path : Path
+
+    Raises
+    ------
+    EnvironmentProblem
+    """
+    from matplotlib import style
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    with style.context("default"):      # not as a matplotlibrc of the working folder has it
+        figure = Figure(figsize=(7, 4), layout="constrained")
+        FigureCanvasAgg(figure)
+        axes = figure.add_subplot()
+        axes.plot(spectrum.grid.nm, spectrum.values, lw=1.2)
+        if spectrum.standard_error is not None:
+            axes.fill_between(spectrum.grid.nm, spectrum.values - 2 * spectrum.standard_error,
+                              spectrum.values + 2 * spectrum.standard_error, alpha=0.3, lw=0,
+                              label="± 2 standard errors")
+            axes.legend()
+        axes.set(xlabel="wavelength (nm)", ylabel=f"{spectrum.quantity.name.lower()} "
+                 f"({spectrum.quantity.value})", title=spectrum.source)
+        with files.whole_file(path) as unfinished:
+            figure.savefig(unfinished, dpi=120, format="png")
+
+
+# ---- readings on disk ----------------------------------------------------------------------------
 
 READING = re.compile(r"(\d{3,})\.json")
 FACTS = ("instrument", "serial_number", "firmware", "integration_ms", "luminance", "taken_at",
@@ -47,14 +106,14 @@ def readings_folder(spectra: Path, name: str) -> Path:
     InputError
         If the name cannot be a folder's.
     """
-    if (fault := name_fault(name)) is not None:
-        raise InputError(f"the name {shortened(name)}: {fault}")
-    if file_stem(name) != name:
+    if (fault := words.name_fault(name)) is not None:
+        raise InputError(f"the name {words.shortened(name)}: {fault}")
+    if words.file_stem(name) != name:
         raise InputError(f"the name {name!r} must hold letters, digits, spaces, '-', '_', '.' "
-                         f"only, since files are named after it: {file_stem(name)!r}, say")
+                         f"only, since files are named after it: {words.file_stem(name)!r}, say")
     folder = spectra / "readings" / name
     for part in (spectra, folder.parent, folder):
-        require_no_link(part)
+        files.require_no_link(part)
     return folder
 
 
@@ -78,7 +137,8 @@ def store_reading(folder: Path, reading: SpectralReading) -> Path:
     """
     number = max((number for number, _ in _numbered(folder)), default=0) + 1
     path = folder / f"{number:03d}.json"
-    write_text_whole(path, json.dumps(reading_facts(reading), allow_nan=False, indent=1) + "\n")
+    files.write_text_whole(path,
+                           json.dumps(reading_facts(reading), allow_nan=False, indent=1) + "\n")
     return path
 
 
@@ -214,8 +274,9 @@ def claim(spectra: Path, role: str, names: Sequence[str], *, reflects: bool = Fa
         folder = readings_folder(spectra, name)
         other = _role_of(folder) or _reserved(name)
         if other not in (None, role):
-            raise InputError(f"{shortened(name)} is the name of something measured as {other}; "
-                             f"as {role}, give it another with --name")
+            raise InputError(
+                f"{words.shortened(name)} is the name of something measured as {other}; "
+                f"as {role}, give it another with --name")
     if any(folder.is_dir() or any(folder.parent.glob(f"{folder.name}.before-*"))
            for folder in (readings_folder(spectra, name) for name in names)):
         return
@@ -238,7 +299,7 @@ def note_role(spectra: Path, role: str, name: str) -> None:
     """
     folder = readings_folder(spectra, name)
     if _role_of(folder) != role:
-        write_text_whole(folder / ROLE_FILE, f"{role}\n")
+        files.write_text_whole(folder / ROLE_FILE, f"{role}\n")
 
 
 def result_file(spectra: Path, role: str, name: str, quantity: Quantity) -> Path:
@@ -282,7 +343,7 @@ def patch_names(chart: Chart) -> tuple[str, ...]:
     plain = re.sub(r"[^a-z0-9]", "", chart.name.lower()).removeprefix("colorchecker")
     of = "" if chart.names == CLASSIC.names else f"-{plain or 'own'}"
     digits = len(f"{max(len(chart.names), 10)}")
-    return tuple(f"chart{of}-{number:0{digits}d}-{file_stem(patch.replace(' ', '-'))}"
+    return tuple(f"chart{of}-{number:0{digits}d}-{words.file_stem(patch.replace(' ', '-'))}"
                  for number, patch in enumerate(chart.names, 1))
 
 

@@ -17,12 +17,7 @@ from typing import Any
 
 import serial
 
-from spectrabox.capture.meter.instruments.instrument_errors import (
-    LineFaultError,
-    LineLostError,
-    NoReplyError,
-    PortError,
-)
+from spectrabox.capture.meter.instruments import instrument_errors
 from spectrabox.radiometry.errors import SpectraboxError
 
 INNER_TIMEOUT_S = 0.02      # one pyserial read; short, so that a deadline is kept to within this
@@ -97,9 +92,10 @@ class SerialLine:
         self._take()
         if stray := bytes(self._buffer).strip(b"\r\n \x05"):
             self._buffer.clear()
-            raise LineFaultError(f"{self.name}: the instrument sent {shown(stray)} unasked; check "
-                                 "the cable and that no other program uses this port, then measure "
-                                 "again")
+            raise instrument_errors.LineFaultError(
+                f"{self.name}: the instrument sent {shown(stray)} unasked; check "
+                "the cable and that no other program uses this port, then measure "
+                "again")
         self._buffer.clear()
         with self.held():
             self.send(command)
@@ -188,7 +184,7 @@ class SerialLine:
                     self.unanswered = False
                     return byte
                 if byte not in skip:
-                    raise LineFaultError(
+                    raise instrument_errors.LineFaultError(
                         f"{self.name}: {shown(byte + bytes(self._buffer))} arrived where one of "
                         f"{shown(wanted)} is needed; check speed and cable")
             if late:
@@ -302,27 +298,30 @@ class SerialLine:
             self._log("<", arrived)
             self._buffer += arrived
 
-    def _no_reply(self, limit_s: float) -> NoReplyError:
+    def _no_reply(self, limit_s: float) -> instrument_errors.NoReplyError:
         partial = bytes(self._buffer)
         self._buffer.clear()
         self.unanswered = False
         what = (f"only {len(partial)} bytes came, ending {shown(partial[-SHOWN_BYTES:])}" if partial
                 else "nothing came")
-        return NoReplyError(f"{self.name}: no complete reply within {limit_s:g} s ({what}); check "
-                            "that the instrument is on, is the one named and is set to this speed, "
-                            "then try again")
+        return instrument_errors.NoReplyError(
+            f"{self.name}: no complete reply within {limit_s:g} s ({what}); check "
+            "that the instrument is on, is the one named and is set to this speed, "
+            "then try again")
 
     @contextmanager
     def _lost(self) -> Iterator[None]:
         try:
             yield
         except serial.SerialTimeoutException:
-            raise NoReplyError(f"{self.name} takes no bytes; unplug the instrument, plug it in and "
-                               "retry") from None
+            raise instrument_errors.NoReplyError(
+                f"{self.name} takes no bytes; unplug the instrument, plug it in and "
+                "retry") from None
         except OSError as error:
-            raise LineLostError(f"{self.name}: the line broke ({error}); check the cable and that "
-                                "the instrument is on, then run the same command again: readings "
-                                "already taken are kept") from None
+            raise instrument_errors.LineLostError(
+                f"{self.name}: the line broke ({error}); check the cable and that "
+                "the instrument is on, then run the same command again: readings "
+                "already taken are kept") from None
 
 
 def open_line(port: str, settings: LineSettings, log: Log, pace: Pace | None = None,
@@ -397,26 +396,30 @@ def ascii_text(data: bytes, name: str) -> str:
         At any other byte: noise or a wrong speed is a fault of the line, never text to be skipped.
     """
     if any(byte > 0x7E or (byte < 0x20 and byte not in b"\t\r\n") for byte in data):
-        raise LineFaultError(f"{name}: {shown(data)} is not text; the speed is wrong or the line "
-                             "is noisy: check the instrument's speed setting and the cable")
+        raise instrument_errors.LineFaultError(
+            f"{name}: {shown(data)} is not text; the speed is wrong or the line "
+            "is noisy: check the instrument's speed setting and the cable")
     return data.decode("ascii")
 
 
-def _port_error(port: str, error: Exception) -> PortError:
+def _port_error(port: str, error: Exception) -> instrument_errors.PortError:
     number = getattr(error, "errno", None)
     if number in (errno.EACCES, errno.EPERM):
-        return PortError(f"{port} may not be opened by this user: {_group_advice(port)}")
+        return instrument_errors.PortError(
+            f"{port} may not be opened by this user: {_group_advice(port)}")
     if number in (errno.EBUSY, errno.EAGAIN):
-        return PortError(f"{port} is in use by another program; close that program, then try again")
+        return instrument_errors.PortError(
+            f"{port} is in use by another program; close that program, then try again")
     present = [each.port for each in list_ports()]
     # pyserial gives no number on Windows
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO) or (
             number is None and os.name == "nt" and port not in present):
-        return PortError(f"there is no port {port}; ports of this computer: "
+        return instrument_errors.PortError(f"there is no port {port}; ports of this computer: "
                          f"{', '.join(present) or 'none'}. Plug the instrument in, switch it on "
                          "and see 'spectrabox meter list'")
-    return PortError(f"{port} cannot be opened ({error}); see 'spectrabox meter list' for the "
-                     "ports of this computer")
+    return instrument_errors.PortError(
+        f"{port} cannot be opened ({error}); see 'spectrabox meter list' for the "
+        "ports of this computer")
 
 
 def _group_advice(port: str) -> str:

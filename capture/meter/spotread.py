@@ -21,11 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.capture.meter.instruments.instrument_errors import (
-    InstrumentError,
-    NoReplyError,
-    UntrustedReadingError,
-)
+from spectrabox.capture.meter.instruments import instrument_errors
 from spectrabox.capture.meter.serial_line import Log
 from spectrabox.capture.meter.stated import Stated, check_stated, printed
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
@@ -95,8 +91,9 @@ def spotread_reading(quantity: Quantity, number: int, log: Log, say: Say, *,
                 return _reading(text, file, quantity, taken_at, transcript)
             if "calibration" not in text:
                 break
-    raise InstrumentError(f"spotread took no reading: {shortened(_last_words(text))}; run "
-                          "'spotread -v -e' by hand to see what the instrument asks for")
+    raise instrument_errors.InstrumentError(
+        f"spotread took no reading: {shortened(_last_words(text))}; run "
+        "'spotread -v -e' by hand to see what the instrument asks for")
 
 
 def _run(command: list[str], log: Log, say: Say, limit_s: float) -> str:
@@ -120,22 +117,25 @@ def _run(command: list[str], log: Log, say: Say, limit_s: float) -> str:
                 elif part is not None:
                     break
                 elif deadline is not None and time.monotonic() > deadline:
-                    raise NoReplyError(f"spotread did not end within {limit_s:g} s "
-                                       f"({shortened(_last_words(_text(output)))}); run it in a "
-                                       "terminal, where its questions can be answered")
+                    raise instrument_errors.NoReplyError(
+                        f"spotread did not end within {limit_s:g} s "
+                        f"({shortened(_last_words(_text(output)))}); run it in a "
+                        "terminal, where its questions can be answered")
                 else:
                     time.sleep(0.02)
                 if len(output) > MAX_OUTPUT:
-                    raise NoReplyError("spotread prints without end; unplug the instrument, plug "
-                                       "it in and retry")
+                    raise instrument_errors.NoReplyError(
+                        "spotread prints without end; unplug the instrument, plug "
+                        "it in and retry")
         except BaseException:
             _end(process)
             raise
     text = _text(output)
     if process.returncode:
-        raise InstrumentError(f"spotread: {shortened(_complaint(text))}; plug the instrument in, "
-                              "close other programs that use it, and see 'spotread -?' for the "
-                              "numbers of the instruments (--port)")
+        raise instrument_errors.InstrumentError(
+            f"spotread: {shortened(_complaint(text))}; plug the instrument in, "
+            "close other programs that use it, and see 'spotread -?' for the "
+            "numbers of the instruments (--port)")
     return text
 
 
@@ -146,16 +146,19 @@ def _reading(text: str, file: Path, quantity: Quantity, taken_at: str,
     try:
         saved = read_spectrum(file, role=quantity)
     except InputError as error:
-        raise UntrustedReadingError(f"spotread saved no {quantity.name.lower()} ({error}): "
-                                    "measure again, with the adapter that this needs") from None
+        raise instrument_errors.UntrustedReadingError(
+            f"spotread saved no {quantity.name.lower()} ({error}): "
+            "measure again, with the adapter that this needs") from None
     result, values = RESULT.search(text), _printed_values(text)
     if result is None or values is None:
-        raise UntrustedReadingError("spotread printed no result with the spectrum that it "
-                                    "saved; measure again")
+        raise instrument_errors.UntrustedReadingError(
+            "spotread printed no result with the spectrum that it "
+            "saved; measure again")
     if values.shape != saved.values.shape or not np.allclose(
             values, saved.values, rtol=0, atol=PRINTED_RTOL * np.abs(values).max()):
-        raise UntrustedReadingError("spotread saved another spectrum than it printed; measure "
-                                    "again")
+        raise instrument_errors.UntrustedReadingError(
+            "spotread saved another spectrum than it printed; measure "
+            "again")
     stated = Stated(printed(result[2]), printed(result[5]), printed(result[6]))
     dark = not np.any(saved.values > 0)
     if not dark:

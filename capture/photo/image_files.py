@@ -7,21 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from spectrabox.capture.photo import stored_images
 from spectrabox.capture.photo.noise import photon_transfer
 from spectrabox.capture.photo.processed_photos import require_no_processed_file
-from spectrabox.capture.photo.stored_images import (
-    ENCODED_BYTES,
-    FULL_SCALE,
-    LINEAR_BYTES,
-    MAX_SIGNAL,
-    SATURATED,
-    VARIANCE,
-    PictureHeader,
-    is_image_file,
-    read_header,
-    require_finite,
-    stored_values,
-)
 from spectrabox.radiometry.appearance import decode_srgb
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import sha256_of
@@ -47,8 +35,8 @@ def require_linear_file(path: Path) -> None:
     InputError
         If a picture is missing or damaged.
     """
-    if is_image_file(path):
-        read_header(path).full_scale()
+    if stored_images.is_image_file(path):
+        stored_images.read_header(path).full_scale()
     else:
         require_no_processed_file(path)
 
@@ -71,12 +59,12 @@ def read_linear_file(path: str | os.PathLike[str]) -> LinearImage:
         If the file is missing or damaged, does not hold linear values or integers of a known full
         scale, has fewer than 3 bands, or has NaN pixels.
     """
-    header = read_header(Path(path))
-    developed = any(name.startswith(VARIANCE) for name in header.names)
+    header = stored_images.read_header(Path(path))
+    developed = any(name.startswith(stored_images.VARIANCE) for name in header.names)
     if not developed:
         header.full_scale()         # what is refused by its header is not decoded
         _require_bands(header)
-    values, header = stored_values(Path(path), LINEAR_BYTES)
+    values, header = stored_images.stored_values(Path(path), stored_images.LINEAR_BYTES)
     if developed:
         return _developed(values, header)
     signal = _bands(values, header)
@@ -85,12 +73,12 @@ def read_linear_file(path: str | os.PathLike[str]) -> LinearImage:
     return _linear_image(signal, header, *_clip_and_step(signal, header.kind))
 
 
-def _bands(values: np.ndarray, header: PictureHeader) -> np.ndarray:
+def _bands(values: np.ndarray, header: stored_images.PictureHeader) -> np.ndarray:
     """The bands (H, W, K) float32 in the order to use them; integers are not scaled."""
     return values[..., header.bands].astype(np.float32)
 
 
-def _require_bands(header: PictureHeader) -> None:
+def _require_bands(header: stored_images.PictureHeader) -> None:
     bands = len(header.bands)
     if bands < MIN_BANDS:
         raise InputError(f"photo {header.path.name} has {bands} band(s) "
@@ -99,8 +87,8 @@ def _require_bands(header: PictureHeader) -> None:
 
 def _clip_and_step(signal: np.ndarray, kind: str) -> tuple[float, float]:
     """The clip point of values of a type, which are fractions by now, and one step of them."""
-    if kind in FULL_SCALE:
-        return CLIP_FRACTION, 1 / FULL_SCALE[kind]
+    if kind in stored_images.FULL_SCALE:
+        return CLIP_FRACTION, 1 / stored_images.FULL_SCALE[kind]
     step = HALF_STEP if kind in HALVES else SINGLE_STEP
     return (CLIP_FRACTION if signal.max() <= 1 else np.inf), step * float(np.abs(signal).max())
 
@@ -115,10 +103,10 @@ def _clipped_and_noise(signal: np.ndarray, clip: float, quantum: float,
     return saturated, variance
 
 
-def _linear_image(signal: np.ndarray, header: PictureHeader, clip: float, quantum: float,
-                  kind: PhotoKind = PhotoKind.LINEAR_FILE) -> LinearImage:
+def _linear_image(signal: np.ndarray, header: stored_images.PictureHeader, clip: float,
+                  quantum: float, kind: PhotoKind = PhotoKind.LINEAR_FILE) -> LinearImage:
     """A photo whose noise and saturation its own pixels tell."""
-    require_finite(header.path.name, signal)
+    stored_images.require_finite(header.path.name, signal)
     saturated, variance = _clipped_and_noise(signal, clip, quantum, header.path.name)
     return LinearImage(
         signal=signal, variance=variance, saturated=saturated, sensor_step=1.0,
@@ -128,19 +116,21 @@ def _linear_image(signal: np.ndarray, header: PictureHeader, clip: float, quantu
         kind=kind, camera=header.camera, source=header.path.name, sha256=sha256_of(header.path))
 
 
-def _developed(values: np.ndarray, header: PictureHeader) -> LinearImage:
+def _developed(values: np.ndarray, header: stored_images.PictureHeader) -> LinearImage:
     """A photo that ``write_linear_exr`` wrote, its variance and saturation as stated there."""
     bands = [header.names[index] for index in header.bands]
-    missing = [prefix + band for prefix in (VARIANCE, SATURATED) for band in bands
-               if prefix + band not in header.names]
+    missing = [
+        prefix + band for prefix in (stored_images.VARIANCE, stored_images.SATURATED)
+        for band in bands if prefix + band not in header.names
+    ]
     if missing:
         raise InputError(f"developed photo {header.path.name} lacks the channels "
                          f"{', '.join(missing)}; develop it again")
-    signal, variance, saturated = (
-        np.ascontiguousarray(values[..., [header.names.index(prefix + band) for band in bands]],
-                             dtype=np.float32) for prefix in ("", VARIANCE, SATURATED))
-    require_finite(header.path.name, signal)
-    bad = np.count_nonzero(~((variance >= 0) & (variance <= MAX_SIGNAL**2)))
+    signal, variance, saturated = (np.ascontiguousarray(
+        values[..., [header.names.index(prefix + band) for band in bands]],
+        dtype=np.float32) for prefix in ("", stored_images.VARIANCE, stored_images.SATURATED))
+    stored_images.require_finite(header.path.name, signal)
+    bad = np.count_nonzero(~((variance >= 0) & (variance <= stored_images.MAX_SIGNAL**2)))
     if bad:
         raise InputError(f"developed photo {header.path.name} states a variance that is negative, "
                          f"NaN or too large at {bad} of {variance.size} values; develop it again")
@@ -176,12 +166,12 @@ def image_of_array(values: np.ndarray) -> LinearImage:
         raise InputError("an array of 8-bit values is hardly proportional to light; decode it "
                          "first (of sRGB: colour.cctf_decoding(values / 255)), or divide values "
                          "that are proportional by 255")
-    if kind not in FULL_SCALE and values.dtype.kind != "f":
+    if kind not in stored_images.FULL_SCALE and values.dtype.kind != "f":
         raise InputError(f"an array of {kind} values has no known full scale; divide it by what "
                          "the sensor can hold")
-    scale = FULL_SCALE.get(kind, 1)
+    scale = stored_images.FULL_SCALE.get(kind, 1)
     signal = (values / np.float32(scale)).astype(np.float32)
-    require_finite(ARRAY, signal)
+    stored_images.require_finite(ARRAY, signal)
     saturated, variance = _clipped_and_noise(signal, *_clip_and_step(signal, kind), ARRAY)
     return LinearImage(signal=signal, variance=variance, saturated=saturated, sensor_step=1.0,
                        exposure_s=None, iso=None, f_number=None, kind=PhotoKind.LINEAR_FILE,
@@ -202,7 +192,7 @@ def read_encoded_file(path: str | os.PathLike[str]) -> LinearImage:
     """
     encoded, header = _encoded(Path(path))
     return _linear_image(decode_srgb(encoded).astype(np.float32), header, clip=CLIP_FRACTION,
-                         quantum=1 / FULL_SCALE.get(header.kind, 1) / 12.92,
+                         quantum=1 / stored_images.FULL_SCALE.get(header.kind, 1) / 12.92,
                          kind=PhotoKind.PROCESSED)
 
 
@@ -222,12 +212,12 @@ def read_encoded_values(path: str | os.PathLike[str]) -> np.ndarray:
     if encoded.shape[2] != 3:
         raise InputError(f"picture {header.path.name} has {encoded.shape[2]} bands; sRGB has R, G "
                          "and B")
-    require_finite(header.path.name, encoded)
+    stored_images.require_finite(header.path.name, encoded)
     return encoded
 
 
-def _encoded(path: Path) -> tuple[np.ndarray, PictureHeader]:
-    _require_bands(read_header(path))
-    values, header = stored_values(path, ENCODED_BYTES)
-    scale = FULL_SCALE.get(header.kind, 1)
+def _encoded(path: Path) -> tuple[np.ndarray, stored_images.PictureHeader]:
+    _require_bands(stored_images.read_header(path))
+    values, header = stored_images.stored_values(path, stored_images.ENCODED_BYTES)
+    scale = stored_images.FULL_SCALE.get(header.kind, 1)
     return np.clip(_bands(values, header) / np.float32(scale), 0, 1), header

@@ -15,28 +15,14 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio
 
+from spectrabox.capture.photo import image_writers, stored_images
 from spectrabox.capture.photo.image_files import read_encoded_values
-from spectrabox.capture.photo.image_writers import ends_whole, exr_spec, unwritten
 from spectrabox.capture.photo.linear import open_photo
-from spectrabox.capture.photo.stored_images import (
-    LINEAR_BYTES,
-    LINEAR_FORMATS,
-    PictureHeader,
-    is_image_file,
-    open_as_stored,
-    require_decodable,
-    require_finite,
-)
 from spectrabox.radiometry.appearance import signal_of_srgb
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import require_utf8_name, whole_file
 from spectrabox.radiometry.spectra.formats.zarr_array import open_zarr
-from spectrabox.radiometry.system.strips import (
-    ReadRows,
-    WriteRows,
-    read_by_strips,
-    written_by_strips,
-)
+from spectrabox.radiometry.system import strips
 from spectrabox.radiometry.system.words import reason_of
 
 ROWS_PER_BLOCK = 16     # of a compressed EXR; fewer rows at a time unpack it again and again
@@ -73,19 +59,19 @@ def open_rows(path: Path) -> PictureRows:
     """
     if path.is_dir():
         return _zarr_rows(path)
-    if not path.is_file() or not is_image_file(path):
+    if not path.is_file() or not stored_images.is_image_file(path):
         return _held(path)
-    file = open_as_stored(path)
+    file = stored_images.open_as_stored(path)
     if file is None:
         return _held(path)
     spec = file.spec()
-    header = PictureHeader(path, spec, file.format_name())
+    header = stored_images.PictureHeader(path, spec, file.format_name())
     header.full_scale()
     bands = header.bands
     if len(bands) < 3:
         raise InputError(f"photo {path.name} has {len(bands)} band(s) "
                          f"({', '.join(header.names)}); at least 3 are needed")
-    require_decodable(path, spec, _rows_at_once(file), LINEAR_BYTES)
+    stored_images.require_decodable(path, spec, _rows_at_once(file), stored_images.LINEAR_BYTES)
     return PictureRows(spec.height, spec.width, len(bands), _reader(path, file, bands),
                        spec.tile_height or 1)
 
@@ -93,7 +79,7 @@ def open_rows(path: Path) -> PictureRows:
 def _rows_at_once(file: Any) -> int:
     """Rows of a tile, or of what a file without tiles unpacks together."""
     spec = file.spec()
-    if file.format_name() not in LINEAR_FORMATS:    # such as a PNG that is interlaced
+    if file.format_name() not in stored_images.LINEAR_FORMATS:    # such as a PNG that is interlaced
         return int(spec.height)
     strip = spec.get_int_attribute("tiff:RowsPerStrip", ROWS_PER_BLOCK)
     return min(max(spec.tile_height, strip, ROWS_PER_BLOCK), spec.height)
@@ -116,7 +102,7 @@ def open_encoded(path: Path) -> PictureRows:
     return _rows_of_array(signal)
 
 
-def _reader(path: Path, file: Any, bands: Sequence[int]) -> ReadRows:
+def _reader(path: Path, file: Any, bands: Sequence[int]) -> strips.ReadRows:
     """A function of (first, last) that reads some channels of rows."""
     spec = file.spec()
 
@@ -130,10 +116,10 @@ def _reader(path: Path, file: Any, bands: Sequence[int]) -> ReadRows:
             raise InputError(f"photo {path.name} cannot be read to its end "
                              f"({reason_of(file)}); copy or export it again")
         signal = np.asarray(stored).reshape(last - first, spec.width, -1)[..., bands]
-        require_finite(path.name, signal)
+        stored_images.require_finite(path.name, signal)
         return signal
 
-    return read_by_strips(read, spec.height, spec.tile_height) if spec.tile_width else read
+    return strips.read_by_strips(read, spec.height, spec.tile_height) if spec.tile_width else read
 
 
 def open_channels(path: str | os.PathLike[str]) -> tuple[list[str], int, int,
@@ -152,12 +138,12 @@ def open_channels(path: str | os.PathLike[str]) -> tuple[list[str], int, int,
         If the file is missing or damaged.
     """
     path = Path(path)
-    file = open_as_stored(path) if path.is_file() else None
+    file = stored_images.open_as_stored(path) if path.is_file() else None
     if file is None:
         raise InputError(f"picture {path} is missing or no readable image ({reason_of(oiio)}); "
                          "give an EXR")
     spec = file.spec()
-    require_decodable(path, spec, _rows_at_once(file), LINEAR_BYTES)
+    stored_images.require_decodable(path, spec, _rows_at_once(file), stored_images.LINEAR_BYTES)
 
     def rows(first: int, last: int) -> np.ndarray:
         top = spec.y
@@ -167,7 +153,7 @@ def open_channels(path: str | os.PathLike[str]) -> tuple[list[str], int, int,
                              "it as scan lines")
         return np.asarray(read).reshape(last - first, spec.width, spec.nchannels)
 
-    names = PictureHeader(path, spec, file.format_name()).names
+    names = stored_images.PictureHeader(path, spec, file.format_name()).names
     return names, spec.height, spec.width, rows
 
 
@@ -182,11 +168,11 @@ def _zarr_rows(path: Path) -> PictureRows:
         signal = picture.read(first, last).astype(np.float32)
         if full != 1:
             signal /= np.float32(full)
-        require_finite(path.name, signal)
+        stored_images.require_finite(path.name, signal)
         return signal
 
-    return PictureRows(height, width, bands, read_by_strips(read, height, picture.chunk_rows),
-                       picture.chunk_rows)
+    return PictureRows(height, width, bands,
+                       strips.read_by_strips(read, height, picture.chunk_rows), picture.chunk_rows)
 
 
 def _held(path: Path) -> PictureRows:
@@ -201,7 +187,7 @@ def _rows_of_array(signal: np.ndarray) -> PictureRows:
 @contextlib.contextmanager
 def exr_rows(path: Path, height: int, width: int, channel_names: Sequence[str],
              half: bool, attributes: Mapping[str, str] | None = None, *,
-             tiles: bool = False) -> Iterator[WriteRows]:
+             tiles: bool = False) -> Iterator[strips.WriteRows]:
     """A function that writes the next rows of an EXR, which is there once all of them are written.
 
     Parameters
@@ -221,7 +207,8 @@ def exr_rows(path: Path, height: int, width: int, channel_names: Sequence[str],
     EnvironmentProblem
         If the file cannot be written.
     """
-    spec = exr_spec(height, width, channel_names, oiio.HALF if half else oiio.FLOAT, attributes)
+    spec = image_writers.exr_spec(height, width, channel_names, oiio.HALF if half else oiio.FLOAT,
+                                  attributes)
     if not tiles:
         with _rows_of(path, spec, np.float32) as write:
             yield write
@@ -229,12 +216,12 @@ def exr_rows(path: Path, height: int, width: int, channel_names: Sequence[str],
     spec.tile_width = spec.tile_height = TILE_PX
     kind = np.dtype(np.float16 if half else np.float32)
     with _rows_of(path, spec, kind) as write, \
-            written_by_strips(write, (height, width, spec.nchannels), TILE_PX, kind) as take:
+            strips.written_by_strips(write, (height, width, spec.nchannels), TILE_PX, kind) as take:
         yield take
 
 
 @contextlib.contextmanager
-def png_rows(path: Path, height: int, width: int, channels: int) -> Iterator[WriteRows]:
+def png_rows(path: Path, height: int, width: int, channels: int) -> Iterator[strips.WriteRows]:
     """The same for a PNG of 8 bits, of 1 channel (grey) or 3, already encoded for the screen.
 
     Parameters
@@ -254,23 +241,23 @@ def png_rows(path: Path, height: int, width: int, channels: int) -> Iterator[Wri
 
 
 @contextlib.contextmanager
-def _rows_of(path: Path, spec: oiio.ImageSpec, kind: Any) -> Iterator[WriteRows]:
+def _rows_of(path: Path, spec: oiio.ImageSpec, kind: Any) -> Iterator[strips.WriteRows]:
     require_utf8_name(path)
     with whole_file(path) as unfinished:
         file = oiio.ImageOutput.create(os.fspath(unfinished))
         if file is None or not file.open(os.fspath(unfinished), spec):
-            raise unwritten(path, oiio if file is None else file)
+            raise image_writers.unwritten(path, oiio if file is None else file)
 
         def write(first: int, pixels: np.ndarray) -> None:
             rows: np.ndarray = np.ascontiguousarray(pixels, dtype=kind)
             last = first + len(rows)
             if not (file.write_tiles(0, spec.width, first, last, 0, 1, rows) if spec.tile_width
                     else file.write_scanlines(first, last, 0, rows)):
-                raise unwritten(path, file)
+                raise image_writers.unwritten(path, file)
 
         try:
             yield write
-            if not (file.close() and ends_whole(unfinished)):
-                raise unwritten(path, file)
+            if not (file.close() and image_writers.ends_whole(unfinished)):
+                raise image_writers.unwritten(path, file)
         finally:
             file.close()

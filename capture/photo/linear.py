@@ -11,29 +11,24 @@ from typing import NamedTuple
 
 import numpy as np
 
+from spectrabox.capture.photo import raw
 from spectrabox.capture.photo.image_files import read_linear_file
 from spectrabox.capture.photo.noise import PhotonTransfer, photon_transfer
 from spectrabox.capture.photo.processed_photos import require_no_processed_file
-from spectrabox.capture.photo.raw import (
-    LIBRAW_VERSION,
-    FullColourFrame,
-    decode,
-    visible_size,
-)
 from spectrabox.capture.photo.stored_images import is_image_file, read_header
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records.photos import LinearImage, PhotoKind, RawFrame
+from spectrabox.radiometry.records import photos
 
 CLIP_FRACTION = 0.98    # of the clip point: above it sensors are no longer linear
 MIN_SIGNAL = -0.03      # of the darkest hundredth of the picture: below, the black level is wrong
 CHECKED_SAMPLES = 200_000
 DARKEST = 0.1           # per cent of the pixels of a band
 MIN_UNKNOWN_BLACK = 0.02    # of the white level, in all of them, with black stated as 0: chart and
-                            # camera hold something darker, and cameras put black at 3 % or more
+# camera hold something darker, and cameras put black at 3 % or more
 ROWS_AT_ONCE = 32       # of tiles
 
 
-def open_photo(path: str | os.PathLike[str]) -> LinearImage:
+def open_photo(path: str | os.PathLike[str]) -> photos.LinearImage:
     """Linear signal of a camera raw or of a linear EXR or TIFF.
 
     Parameters
@@ -49,8 +44,9 @@ def open_photo(path: str | os.PathLike[str]) -> LinearImage:
     if is_image_file(Path(path)):
         return read_linear_file(path)
     require_no_processed_file(Path(path))
-    frame = decode(path)
-    return full_colour_image(frame) if isinstance(frame, FullColourFrame) else linear_image(frame)
+    frame = raw.decode(path)
+    return full_colour_image(frame) if isinstance(frame,
+                                                  raw.FullColourFrame) else linear_image(frame)
 
 
 def photo_size(path: str | os.PathLike[str]) -> tuple[int, int]:
@@ -70,12 +66,12 @@ def photo_size(path: str | os.PathLike[str]) -> tuple[int, int]:
         raise InputError(f"photo {path} does not exist; correct its name")
     if is_image_file(Path(path)):
         return read_header(Path(path)).size
-    return visible_size(path)
+    return raw.visible_size(path)
 
 
-def linear_image(frame: RawFrame, noise: PhotonTransfer | None = None,
+def linear_image(frame: photos.RawFrame, noise: PhotonTransfer | None = None,
                  dark: np.ndarray | None = None,
-                 dark_variance: np.ndarray | None = None) -> LinearImage:
+                 dark_variance: np.ndarray | None = None) -> photos.LinearImage:
     """Signal (DN - black level) / (white level - black level) of each tile of colour filters.
 
     The mean of its samples of each colour.
@@ -126,10 +122,10 @@ def linear_image(frame: RawFrame, noise: PhotonTransfer | None = None,
     variance = transfer.variance(signal)
     if dark_part is not None:
         variance += dark_part
-    return _image(frame, signal, variance, saturated, float(step), PhotoKind.RAW)
+    return _image(frame, signal, variance, saturated, float(step), photos.PhotoKind.RAW)
 
 
-def signal_alone(frame: RawFrame) -> np.ndarray:
+def signal_alone(frame: photos.RawFrame) -> np.ndarray:
     """The signal (H, W, K) of ``linear_image``, float32, without its noise and what is clipped.
 
     Parameters
@@ -146,7 +142,7 @@ def signal_alone(frame: RawFrame) -> np.ndarray:
     return signal
 
 
-def _developed(frame: RawFrame, positions: list[_Position], dark: np.ndarray | None,
+def _developed(frame: photos.RawFrame, positions: list[_Position], dark: np.ndarray | None,
                dark_variance: np.ndarray | None) -> tuple[np.ndarray, np.ndarray | None]:
     """Signal (H, W, K), and the variance that the dark frame adds, where it is given."""
     step = positions[0].step
@@ -166,7 +162,7 @@ def _developed(frame: RawFrame, positions: list[_Position], dark: np.ndarray | N
     return signal, dark_part
 
 
-def full_colour_image(frame: FullColourFrame) -> LinearImage:
+def full_colour_image(frame: raw.FullColourFrame) -> photos.LinearImage:
     """Signal of a linear DNG, every pixel its own.
 
     Marked as an image file taken as linear: whoever wrote it has interpolated, and perhaps
@@ -181,7 +177,8 @@ def full_colour_image(frame: FullColourFrame) -> LinearImage:
     saturated = frame.pixels >= CLIP_FRACTION * frame.white_level
     noise = photon_transfer(signal, saturated, 1 / (frame.white_level - frame.black_level),
                             frame.file)
-    return _image(frame, signal, noise.variance(signal), saturated, 1.0, PhotoKind.LINEAR_FILE)
+    return _image(frame, signal, noise.variance(signal), saturated, 1.0,
+                  photos.PhotoKind.LINEAR_FILE)
 
 
 def tile_step(cfa: np.ndarray, source: str = "") -> int:
@@ -235,7 +232,7 @@ class _Position(NamedTuple):
         return samples, pixels
 
 
-def _positions(frame: RawFrame, step: int) -> list[_Position]:
+def _positions(frame: photos.RawFrame, step: int) -> list[_Position]:
     positions = []
     for (y, x), band in np.ndenumerate(frame.cfa):
         top, left = y // step * step, x // step * step
@@ -252,7 +249,7 @@ def _blocks_of_rows(height: int, positions: list[_Position]) -> list[slice]:
     return [slice(start, start + block) for start in range(0, height, block)]
 
 
-def _saturated(frame: RawFrame, positions: list[_Position], shape: tuple[int, ...],
+def _saturated(frame: photos.RawFrame, positions: list[_Position], shape: tuple[int, ...],
                clips: np.ndarray) -> np.ndarray:
     saturated = np.zeros(shape, bool)
     limits = [np.uint16(min(np.ceil(CLIP_FRACTION * clip), 65535)) for clip in clips]
@@ -263,7 +260,7 @@ def _saturated(frame: RawFrame, positions: list[_Position], shape: tuple[int, ..
     return saturated
 
 
-def _require_above_black(frame: RawFrame, signal: np.ndarray) -> None:
+def _require_above_black(frame: photos.RawFrame, signal: np.ndarray) -> None:
     stride = max(1, int(np.sqrt(signal.size / CHECKED_SAMPLES)))
     low = float(np.percentile(signal[::stride, ::stride], 1))
     if low < MIN_SIGNAL:
@@ -273,7 +270,7 @@ def _require_above_black(frame: RawFrame, signal: np.ndarray) -> None:
                          "or the file is damaged: copy it from the camera card again")
 
 
-def _require_black_at_zero(frame: RawFrame, signal: np.ndarray, saturated: np.ndarray,
+def _require_black_at_zero(frame: photos.RawFrame, signal: np.ndarray, saturated: np.ndarray,
                            quantum: np.ndarray, samples: np.ndarray) -> None:
     """Refuse a black level of 0 where the darkest pixels lie far above it, unless their noise is
     that of so much light.
@@ -289,18 +286,18 @@ def _require_black_at_zero(frame: RawFrame, signal: np.ndarray, saturated: np.nd
     if np.any((noise.gain > 0) & (noise.read > noise.gain * darkest / 2)):
         return
     raise InputError(f"raw photo {frame.file}: black lies at 0 DN by the file or LibRaw "
-                     f"{LIBRAW_VERSION}, but the darkest pixels read "
+                     f"{raw.LIBRAW_VERSION}, but the darkest pixels read "
                      f"{darkest.min() * frame.white_level:.0f} of {frame.white_level:.0f} DN, with "
                      "less noise than so much light has: this LibRaw does not know the camera. "
                      "Subtract a dark frame (lens cap on, same exposure and ISO: photos.dark, or "
                      "develop --dark), or install a rawpy with a newer LibRaw")
 
 
-def _image(frame: RawFrame | FullColourFrame, signal: np.ndarray, variance: np.ndarray,
-           saturated: np.ndarray, sensor_step: float, kind: PhotoKind) -> LinearImage:
+def _image(frame: photos.RawFrame | raw.FullColourFrame, signal: np.ndarray, variance: np.ndarray,
+           saturated: np.ndarray, sensor_step: float, kind: photos.PhotoKind) -> photos.LinearImage:
     for array in (signal, saturated, variance):
         array.flags.writeable = False  # the record then keeps them without a copy
-    return LinearImage(signal=signal, variance=variance, saturated=saturated,
+    return photos.LinearImage(signal=signal, variance=variance, saturated=saturated,
                        sensor_step=sensor_step, exposure_s=frame.exposure_s, iso=frame.iso,
                        f_number=frame.f_number, kind=kind, camera=frame.camera, source=frame.file,
                        sha256=frame.sha256, camera_from_xyz=frame.camera_from_xyz,
@@ -321,7 +318,7 @@ MAX_SHARE_OF_PICTURE = 0.5   # a plain picture piles up without clipping
 MIN_SIGMA_DN = 1.5           # noise that would have spread the pile
 
 
-def clip_points(frame: RawFrame) -> np.ndarray:
+def clip_points(frame: photos.RawFrame) -> np.ndarray:
     """DN (K,) at which each colour seems to clip: the white level, or a pile of samples below it.
 
     Parameters
@@ -346,7 +343,7 @@ def clip_points(frame: RawFrame) -> np.ndarray:
     return np.array(clips)
 
 
-def piles_up(frame: RawFrame, clip: float, band: int, noise: PhotonTransfer) -> bool:
+def piles_up(frame: photos.RawFrame, clip: float, band: int, noise: PhotonTransfer) -> bool:
     """Whether noise would have spread the samples at ``clip``, so that the pile is clipping.
 
     Parameters

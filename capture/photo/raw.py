@@ -26,7 +26,7 @@ from spectrabox.capture.photo.metadata import (
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import require_utf8_name, sha256_of
 from spectrabox.radiometry.records.photos import RawFrame
-from spectrabox.radiometry.system.free_memory import require_room
+from spectrabox.radiometry.system.archives import require_room
 
 LIBRAW_VERSION = ".".join(map(str, rawpy.libraw_version))
 # orientation as EXIF numbers it, by the bits of LibRaw's flip: 1 left and right exchanged, 2 top

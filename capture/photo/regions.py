@@ -8,7 +8,7 @@ import numpy as np
 from spectrabox.capture.chart.patches import image_from_sensor
 from spectrabox.capture.photo.region_edges import region_edge
 from spectrabox.radiometry.errors import ClippedPhotoError, InputError
-from spectrabox.radiometry.records.photos import LinearImage, RegionEdge, RegionSamples
+from spectrabox.radiometry.records import photos
 
 MIN_PIXELS = 16
 CLIPPED_LIMIT = 0.01        # of the pixels of a region
@@ -17,8 +17,8 @@ Outline = Sequence[Sequence[float]]
 POINTS_A_SIDE = 5           # of the grid at which the light on a region is looked up
 
 
-def sample_regions(image: LinearImage, outlines: Mapping[str, Outline], *,
-                   without_clipped: bool = False) -> RegionSamples:
+def sample_regions(image: photos.LinearImage, outlines: Mapping[str, Outline], *,
+                   without_clipped: bool = False) -> photos.RegionSamples:
     """Mean signal of each region, its error and its unevenness.
 
     The mean is that of every pixel inside, whatever is painted there; its covariance is that of the
@@ -52,7 +52,7 @@ def sample_regions(image: LinearImage, outlines: Mapping[str, Outline], *,
             edges[name] = edge
     mean, covariance, pixels, scatter, points, clipped = (np.array(column)
                                                  for column in zip(*one_by_one, strict=True))
-    return RegionSamples(tuple(outlines), mean, covariance, pixels, scatter, points, clipped,
+    return photos.RegionSamples(tuple(outlines), mean, covariance, pixels, scatter, points, clipped,
                          edges)
 
 
@@ -145,8 +145,8 @@ def _require_readable(saturated: np.ndarray, sensor_step: float, corners_px: np.
                                 f"or {less_light}")
 
 
-def _one_region(image: LinearImage, corners_px: np.ndarray, name: str,
-                without_clipped: bool) -> tuple[tuple[np.ndarray, ...], RegionEdge | None]:
+def _one_region(image: photos.LinearImage, corners_px: np.ndarray, name: str,
+                without_clipped: bool) -> tuple[tuple[np.ndarray, ...], photos.RegionEdge | None]:
     saturated = image.saturated
     y, x = pixels_in_polygon(image_from_sensor(corners_px, image.sensor_step),
                              *saturated.shape[:2])

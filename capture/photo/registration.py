@@ -14,7 +14,7 @@ from itertools import product
 import cv2
 import numpy as np
 
-from spectrabox.capture.photo.binning import thumbnail
+from spectrabox.capture.photo.preview import thumbnail
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.records.photos import LinearImage, Registration
 

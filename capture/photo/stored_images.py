@@ -16,7 +16,7 @@ from spectrabox.capture.photo.processed_photos import processed_error
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import require_utf8_name
 from spectrabox.radiometry.records.photos import PhotoKind
-from spectrabox.radiometry.system.free_memory import require_room
+from spectrabox.radiometry.system.archives import require_room
 from spectrabox.radiometry.system.words import reason_of
 
 EXR_START = b"\x76\x2f\x31\x01"

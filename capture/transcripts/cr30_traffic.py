@@ -10,22 +10,11 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
-from spectrabox.capture.meter.instruments.cr30 import (
-    CALIBRATIONS,
-    HEADER,
-    IDENTITY,
-    PACKET_BYTES,
-    PARTS,
-    START,
-    TRIGGER,
-    Cr30,
-    is_packet,
-    request,
-)
+from spectrabox.capture.meter.instruments import cr30
 from spectrabox.capture.transcripts.transcript import Event, Transcript
 from spectrabox.radiometry.errors import InputError
 
-CONNECTING = (*IDENTITY, *START)
+CONNECTING = (*cr30.IDENTITY, *cr30.START)
 
 
 @dataclass(frozen=True)
@@ -52,11 +41,11 @@ class Step:
         before_s = self.asked_s
         if self.header is not None:
             if not self.by_button:
-                yield Event(">", 0.0, request(TRIGGER))
+                yield Event(">", 0.0, cr30.request(cr30.TRIGGER))
             yield Event("<", _since(before_s, self.header), self.header.content)
             before_s = self.header.time_s
         for command, packet in self.replies.items():
-            yield Event(">", 0.0, request(command))
+            yield Event(">", 0.0, cr30.request(command))
             yield Event("<", _since(before_s, packet), packet.content)
             before_s = packet.time_s
 
@@ -77,8 +66,8 @@ class Traffic:
             Of the recording.
         file : str
         """
-        return Transcript({**facts, "instrument": Cr30.name,
-                           "line": str(Cr30.line_settings.baud)},
+        return Transcript({**facts, "instrument": cr30.Cr30.name,
+                           "line": str(cr30.Cr30.line_settings.baud)},
                           tuple(event for step in self.steps for event in step.events()), file)
 
 
@@ -118,14 +107,14 @@ def _packets(events: Sequence[Event], direction: str) -> tuple[list[Packet], int
         if event.direction != direction:
             continue
         stream += event.data
-        while len(stream) >= PACKET_BYTES:
+        while len(stream) >= cr30.PACKET_BYTES:
             # an instrument answers a request whose check byte is wrong, as was seen
-            if is_packet(bytes(stream[:PACKET_BYTES])) or (direction == ">"
+            if cr30.is_packet(bytes(stream[:cr30.PACKET_BYTES])) or (direction == ">"
                                                            and stream[0] in (0xAA, 0xBB)):
                 # recordings without times keep their order by a nanosecond an event
                 packets.append(Packet(direction == ">", time_s + number * 1e-9,
-                                      bytes(stream[:PACKET_BYTES])))
-                del stream[:PACKET_BYTES]
+                                      bytes(stream[:cr30.PACKET_BYTES])))
+                del stream[:cr30.PACKET_BYTES]
             else:
                 del stream[:1]
                 lost += 1
@@ -144,33 +133,34 @@ def _steps(packets: Sequence[Packet]) -> tuple[list[Step], list[str]]:
         if open_step is not None and not open_step.replies:
             unasked += 1
         elif open_step is not None:
-            unfinished[", ".join(part[4:] for part in PARTS if part not in open_step.replies)] += 1
+            unfinished[", ".join(part[4:] for part in cr30.PARTS
+                                 if part not in open_step.replies)] += 1
         open_step = None
 
     for packet in packets:
         command = packet.content[:3].hex()
         if packet.from_computer:
             asked[command] = packet.time_s
-        elif packet.content.startswith(HEADER):
+        elif packet.content.startswith(cr30.HEADER):
             if open_step is not None and open_step.header is not None \
-                    and open_step.header.content == packet.content and TRIGGER not in asked \
+                    and open_step.header.content == packet.content and cr30.TRIGGER not in asked \
                     and not open_step.replies and not open_step.by_button:
                 continue                # the same one, sent or noted twice
             close()
-            asked_s = asked.pop(TRIGGER, None)
+            asked_s = asked.pop(cr30.TRIGGER, None)
             open_step = Step("measure", asked_s is None, packet, asked_s=asked_s)
-        elif command in PARTS and open_step is not None:
+        elif command in cr30.PARTS and open_step is not None:
             open_step.replies.setdefault(command, packet)
-            if set(open_step.replies) == set(PARTS):
+            if set(open_step.replies) == set(cr30.PARTS):
                 steps.append(replace(open_step, replies={part: open_step.replies[part]
-                                                         for part in PARTS}))
+                                                         for part in cr30.PARTS}))
                 open_step = None
         elif connecting := next((each for each in CONNECTING
                                  if packet.content.startswith(bytes.fromhex(each))), None):
             connect.replies.setdefault(connecting, packet)
-        elif calibration := next((which for which, (each, _) in CALIBRATIONS.items()
+        elif calibration := next((which for which, (each, _) in cr30.CALIBRATIONS.items()
                                   if packet.content.startswith(bytes.fromhex(each))), None):
-            steps.append(Step(calibration, replies={CALIBRATIONS[calibration][0]: packet},
+            steps.append(Step(calibration, replies={cr30.CALIBRATIONS[calibration][0]: packet},
                               asked_s=asked.pop(command, None)))
     close()
     problems = [f"{unasked} measurements have no spectrum in the recording: it was not asked for"] \

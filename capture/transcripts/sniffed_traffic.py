@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from spectrabox.capture.transcripts.transcript import Event, Transcript, read_transcript
+from spectrabox.capture.transcripts import transcript
 from spectrabox.radiometry.errors import InputError
 
 MAKER = b"Eltima Software Serial mon.v_"
@@ -41,7 +41,7 @@ class _Message:
     passed: bytes
 
 
-def read_recording(path: Path) -> Transcript:
+def read_recording(path: Path) -> transcript.Transcript:
     """What passed on a line: a transcript of ours, or what another program wrote while it watched.
 
     Parameters
@@ -60,11 +60,12 @@ def read_recording(path: Path) -> Transcript:
             content += stream.read(MAX_FILE_BYTES) if sniffed else b""
     except OSError:
         sniffed = False                 # the reader of transcripts says what is wrong
-    return Transcript({}, sniffed_events(content, path.name), path.name, True) if sniffed \
-        else read_transcript(path)
+    return transcript.Transcript({}, sniffed_events(content, path.name), path.name, True) \
+        if sniffed \
+        else transcript.read_transcript(path)
 
 
-def sniffed_events(content: bytes, name: str) -> tuple[Event, ...]:
+def sniffed_events(content: bytes, name: str) -> tuple[transcript.Event, ...]:
     """What passed on the line, in order.
 
     Parameters
@@ -115,7 +116,7 @@ def _text_messages(content: bytes) -> Iterator[_Message]:
             yield _Message(match[1] == "WRITE", match[2] == "UP", 0.0, bytes.fromhex(match[3]))
 
 
-def _events(messages: Sequence[_Message]) -> Iterator[Event]:
+def _events(messages: Sequence[_Message]) -> Iterator[transcript.Event]:
     """Each request once: a write that comes up again as it went down is the same write."""
     down: _Message | None = None
     before_s = messages[0].time_s if messages else 0.0
@@ -126,6 +127,6 @@ def _events(messages: Sequence[_Message]) -> Iterator[Event]:
             down = None if message.up else message
         if not message.passed or echoed:
             continue
-        yield Event(">" if message.write else "<", max(message.time_s - before_s, 0.0),
+        yield transcript.Event(">" if message.write else "<", max(message.time_s - before_s, 0.0),
                     message.passed)
         before_s = message.time_s

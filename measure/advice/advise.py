@@ -1,9 +1,13 @@
-"""What to do next of everything that can be asked: flat samples, scenes, signals.
+"""Gels and lamps that most people can have, and how to expose with them.
+
+What to do next of everything that can be asked: flat samples, scenes, signals.
 
 Every action is forecast by the functions that find the spectra now. Of common gels and lamps the
 best is the one that brings most where the band is widest; of those that somebody says are at hand
 all are weighed, and pairs of the best gels.
 """
+
+
 from __future__ import annotations
 
 import contextlib
@@ -12,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from spectrabox.measure.advice import flat_actions, further
 from spectrabox.measure.advice.advice import (
     CHART_NEARER,
     FLAT_FIELD,
@@ -28,17 +33,6 @@ from spectrabox.measure.advice.advice import (
     advised,
     ranked,
 )
-from spectrabox.measure.advice.at_hand import exposure, usual_at_hand
-from spectrabox.measure.advice.flat_actions import (
-    FlatPhotos,
-    flat_photos_of,
-    stated_matt,
-    with_chart_nearer,
-    with_flat_field,
-    with_lamp_moved,
-    with_level,
-    with_white_card,
-)
 from spectrabox.measure.advice.forecast import (
     Outlook,
     Unknown,
@@ -48,50 +42,67 @@ from spectrabox.measure.advice.forecast import (
     outlook_of_answer,
     outlook_stated,
 )
-from spectrabox.measure.advice.further import (
-    ChartFitted,
-    may_add_photos,
-    with_photos,
-    with_reading,
-)
 from spectrabox.measure.captured import Capture, FlatCapture
 from spectrabox.measure.estimate import Estimate
-from spectrabox.measure.more_bands.further_photos import (
-    FurtherPhoto,
-    LampsAtHand,
-    curves_and_light,
-    photos_at_hand,
-    white_of_bands,
-)
+from spectrabox.measure.more_bands import filter_fit
 from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.surfaces.surface_signals import alone
+from spectrabox.radiometry import grid
 from spectrabox.radiometry.error_model import PHOTO_NOISE
 from spectrabox.radiometry.errors import CheckError
-from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
-from spectrabox.radiometry.records.spectra import (
-    Outcome,
-    SignalError,
-    SpectralMeasurement,
-    SurfaceSignals,
-    SurfaceSpectrum,
-    default_band_names,
-)
-from spectrabox.sampling.prior.mixture import (
-    PRIOR_GRID,
-    LogitMixture,
-    load_prior,
-    of_families,
-    smoothness_prior,
-)
+from spectrabox.radiometry.records import spectra
+from spectrabox.radiometry.spectra.filters import MIN_TRANSMITTANCE, stated_filter
+from spectrabox.radiometry.spectra.named_spectra import light
+from spectrabox.sampling.prior import mixture
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
 from spectrabox.sampling.summary import next_measurement_nm
 
-TO_FINE = interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm)
+STOPS = 0.05                # of exposure: less is not said
+# of gels for stage lamps, every 50 nm
+GEL_NM = np.arange(400.0, 701.0, 50.0)
+GELS = {"a magenta gel": (0.14, 0.47, 0.04, 0.002, 0.002, 0.02, 0.87),
+        "an orange gel": (0.15, 0.10, 0.01, 0.02, 0.66, 0.88, 0.93)}
+LAMPS = {"daylight": "D65", "a halogen lamp": "A", "a cold white LED lamp": "LED-B5",
+         "an RGB LED lamp": "LED-RGB1"}
+
+
+def usual_at_hand() -> filter_fit.LampsAtHand:
+    """Common lamps, and two kinds of gels."""
+    return filter_fit.LampsAtHand(
+        {words: light(name, grid.FINE_GRID)
+         for words, name in LAMPS.items()}, {
+             words:
+             stated_filter(
+                 words,
+                 np.clip(grid.pchip(GEL_NM, np.array(values), grid.FINE_GRID.nm), MIN_TRANSMITTANCE,
+                         1))
+             for words, values in GELS.items()
+         })
+
+
+def exposure(photos: Sequence[filter_fit.FurtherPhoto]) -> tuple[list[float], list[int]]:
+    """Stops to add to the exposure of photos, none where no photo needs any, and numbers of the
+    further bands, from 1, that they leave dark.
+
+    Parameters
+    ----------
+    photos : sequence of FurtherPhoto
+    """
+    stops = [float(photo.stops) for photo in photos]
+    dark = [number * len(photo.white) + int(band) + 1
+            for number, photo in enumerate(photos) for band in photo.dark]
+    return stops if max(map(abs, stops)) >= STOPS else [], dark
+
+
+# ---- what to do next of everything that can be asked: flat samples, scenes, signals --------------
+
+TO_FINE = grid.interpolation_matrix(mixture.PRIOR_GRID.nm, grid.FINE_GRID.nm)
 LIKELY = 0.1                # probability of matt from which stating it is worth a thought
 PAIRED = 4                  # best gels at hand, of which every pair is tried
 # draws that reproduce the signal
 # draws that reproduce the signal
-SEEN = (Outcome.FAMILIAR, Outcome.UNFAMILIAR, Outcome.BEYOND_LEARNT, Outcome.UNSAID)
+SEEN = (spectra.Outcome.FAMILIAR, spectra.Outcome.UNFAMILIAR, spectra.Outcome.BEYOND_LEARNT,
+        spectra.Outcome.UNSAID)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +125,7 @@ class _Surface:
 
 
 def advice_on_capture(capture: Capture, records: CaptureRecords,
-                      hand: LampsAtHand | None = None) -> Advised:
+                      hand: filter_fit.LampsAtHand | None = None) -> Advised:
     """What to do next of flat samples or a scene that were measured.
 
     Parameters
@@ -131,7 +142,7 @@ def advice_on_capture(capture: Capture, records: CaptureRecords,
                 and records.sample.spectra[name].samples.outcome in SEEN}
     considered: dict[str, list[Advice]] = {name: [] for name in surfaces}
     if isinstance(capture, FlatCapture):
-        sample = flat_photos_of(capture, records)
+        sample = flat_actions.flat_photos_of(capture, records)
         for name, surface in surfaces.items():
             considered[name] += _of_flat_sample(sample, surface)
     for name, surface in surfaces.items():
@@ -139,8 +150,9 @@ def advice_on_capture(capture: Capture, records: CaptureRecords,
     fit = records.calibrate.chart
     if fit is not None and fit.patch_error is not None:
         calibration = records.calibrations(capture.views)[0]
-        fitted = ChartFitted(calibration, capture.lit_chart.reflectances, float(fit.patch_error[0]))
-        for name, more in _of_photos(surfaces, *curves_and_light(calibration), fitted,
+        fitted = further.ChartFitted(calibration, capture.lit_chart.reflectances,
+                                     float(fit.patch_error[0]))
+        for name, more in _of_photos(surfaces, *filter_fit.curves_and_light(calibration), fitted,
                                      hand or usual_at_hand(), all_of_them=hand is not None).items():
             considered[name] += more
     return advised(considered, {name: surface.found for name, surface in surfaces.items()})
@@ -149,10 +161,11 @@ def advice_on_capture(capture: Capture, records: CaptureRecords,
 def _surface_of(capture: Capture, records: CaptureRecords, index: int) -> _Surface:
     signals = alone(records.signals, index)
     name = signals.names[0]
-    spectrum: SurfaceSpectrum = records.sample.spectra[name]
+    spectrum: spectra.SurfaceSpectrum = records.sample.spectra[name]
     samples, stated = spectrum.samples, capture.surfaces[name]
-    prior = smoothness_prior() if samples.outcome in (Outcome.BEYOND_LEARNT, Outcome.UNSAID) \
-        else of_families(load_prior(), stated.families)
+    beyond = samples.outcome in (spectra.Outcome.BEYOND_LEARNT, spectra.Outcome.UNSAID)
+    prior = mixture.smoothness_prior() if beyond \
+        else mixture.of_families(mixture.load_prior(), stated.families)
     variables = np.zeros(0) if spectrum.states is None else spectrum.states.mean
     unknown = Unknown(prior, spectrum.summary.level, signals, samples.spectra.mean(axis=0),
                       variables)
@@ -162,21 +175,23 @@ def _surface_of(capture: Capture, records: CaptureRecords, index: int) -> _Surfa
                     0.0 if spectrum.states is None else spectrum.states.shares.get("matt", 0.0))
 
 
-def _of_flat_sample(sample: FlatPhotos, surface: _Surface) -> list[Advice]:
+def _of_flat_sample(sample: flat_actions.FlatPhotos, surface: _Surface) -> list[Advice]:
     """White card, chart nearer, flat field, lamp moved, and that it is matt."""
     unknown, capture = surface.unknown, sample.capture
     name = unknown.signals.names[0]
     forecasts: dict[str, Callable[[], Outlook]] = {
-        CHART_NEARER: lambda: outlook_after(unknown, with_chart_nearer(sample, name))}
+        CHART_NEARER: lambda: outlook_after(unknown, flat_actions.with_chart_nearer(sample, name))}
     if not capture.known:
-        forecasts[WHITE_CARD] = lambda: outlook_after(unknown, with_white_card(sample, name))
+        forecasts[WHITE_CARD] = lambda: outlook_after(unknown,
+                                                      flat_actions.with_white_card(sample, name))
     if not capture.development.flat_fields:
-        forecasts[FLAT_FIELD] = lambda: outlook_after(unknown, with_flat_field(sample, name))
+        forecasts[FLAT_FIELD] = lambda: outlook_after(unknown,
+                                                      flat_actions.with_flat_field(sample, name))
     if not capture.lamp_moved:
-        forecasts[LAMP_MOVED] = lambda: outlook_after(with_level(unknown),
-                                                      with_lamp_moved(sample, name))
+        forecasts[LAMP_MOVED] = lambda: outlook_after(flat_actions.with_level(unknown),
+                                                      flat_actions.with_lamp_moved(sample, name))
     if surface.stated is None and surface.matt > LIKELY:
-        forecasts[MATT] = lambda: outlook_stated(unknown, stated_matt(sample, name))
+        forecasts[MATT] = lambda: outlook_stated(unknown, flat_actions.stated_matt(sample, name))
     advised = []
     for action, forecast in forecasts.items():
         # with smaller errors than now, a known region may contradict the chart: nobody is told to
@@ -189,14 +204,14 @@ def _of_flat_sample(sample: FlatPhotos, surface: _Surface) -> list[Advice]:
 def _of_reading(surface: _Surface) -> Advice:
     """A reading at the wavelength where it tells most."""
     nm = surface.reading_nm
-    return surface.advice(READING, outlook_after(surface.unknown, with_reading(
+    return surface.advice(READING, outlook_after(surface.unknown, further.with_reading(
         surface.unknown, nm)), f"{nm:.0f} nm")
 
 
-def advice_on_signal(measured: SpectralMeasurement, prior: LogitMixture, level: float = 0.95, *,
-                     found: Outlook | None = None, curves: np.ndarray | None = None,
-                     present: np.ndarray | None = None,
-                     hand: LampsAtHand | None = None) -> tuple[Advice, ...]:
+def advice_on_signal(measured: spectra.SpectralMeasurement, prior: mixture.LogitMixture,
+                     level: float = 0.95, *, found: Outlook | None = None,
+                     curves: np.ndarray | None = None, present: np.ndarray | None = None,
+                     hand: filter_fit.LampsAtHand | None = None) -> tuple[Advice, ...]:
     """What to do next of a surface of which signals are known, and what they err by; further photos
     err by noise alone.
 
@@ -221,24 +236,24 @@ def advice_on_signal(measured: SpectralMeasurement, prior: LogitMixture, level: 
     posterior = solve_posterior(prior, measured)
     if posterior.outcome not in SEEN:
         return ()
-    bands = default_band_names(measured.signal.size)
+    bands = spectra.default_band_names(measured.signal.size)
     estimate = TO_FINE @ posterior.mean
     unknown = Unknown(
         posterior.prior, level,
-        SurfaceSignals(("signal",), (False,), measured.grid, estimate[None], bands,
+        spectra.SurfaceSignals(("signal",), (False,), measured.grid, estimate[None], bands,
                        np.zeros(measured.signal.size, int), measured.relative_response,
                        measured.signal[None],
-                       (SignalError(PHOTO_NOISE, measured.noise_covariance[None]),),
+                       (spectra.SignalError(PHOTO_NOISE, measured.noise_covariance[None]),),
                        () if measured.states is None else (measured.states,)), posterior.mean,
         np.zeros(0) if posterior.states is None else posterior.states.mean)
     solved = outlook_of(posterior, level)
-    reading = next_measurement_nm(PRIOR_GRID, posterior.covariance)
+    reading = next_measurement_nm(mixture.PRIOR_GRID, posterior.covariance)
     surface = _Surface(unknown, found or solved, solved, reading, None, 0.0)
     known = hand or usual_at_hand()
     if curves is None or present is None:
-        curves, present = measured.relative_response / FINE_GRID.weights_nm, np.ones(
-            FINE_GRID.nm.size)
-        known = LampsAtHand({}, known.filters)
+        curves, present = measured.relative_response / grid.FINE_GRID.weights_nm, np.ones(
+            grid.FINE_GRID.nm.size)
+        known = filter_fit.LampsAtHand({}, known.filters)
     each = _of_photos({"": surface}, curves, present, None, known, all_of_them=hand is not None)
     return ranked([_of_reading(surface), *each.get("", [])])
 
@@ -269,22 +284,22 @@ def stated_outlook(estimate: Estimate) -> Outlook | None:
 
 
 def _of_photos(surfaces: Mapping[str, _Surface], curves: np.ndarray, present: np.ndarray,
-               fitted: ChartFitted | None, hand: LampsAtHand, *,
+               fitted: further.ChartFitted | None, hand: filter_fit.LampsAtHand, *,
                all_of_them: bool) -> dict[str, list[Advice]]:
     """A photo more through the best of the gels, and under the best of the lamps; or through and
     under each of them, and through pairs of the best gels.
     """
-    white = white_of_bands(curves, present)
+    white = filter_fit.white_of_bands(curves, present)
     may = {name: surface for name, surface in surfaces.items()
-           if may_add_photos(surface.unknown, len(white), fitted)}
+           if further.may_add_photos(surface.unknown, len(white), fitted)}
     if not may:
         return {}
 
-    def left(surface: _Surface, photos: Sequence[FurtherPhoto]) -> Outlook | None:
-        after = with_photos(surface.unknown, photos, white, fitted, surface.stated)
+    def left(surface: _Surface, photos: Sequence[filter_fit.FurtherPhoto]) -> Outlook | None:
+        after = further.with_photos(surface.unknown, photos, white, fitted, surface.stated)
         return None if after is None else outlook_after(surface.unknown, after)
 
-    photos = photos_at_hand(curves, present, hand)
+    photos = filter_fit.photos_at_hand(curves, present, hand)
     # where the band is widest a photo counts most
     widest = max(may.values(), key=lambda surface: surface.found.width)
     outlooks = {photo.name: outlook for photo in photos

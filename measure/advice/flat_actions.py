@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from spectrabox.measure.advice.forecast import Unknown, left_errors, total_covariance
+from spectrabox.measure.advice import forecast
 from spectrabox.measure.captured import READ_ERROR, FlatCapture
 from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.regions.flat_signals import flat_signals
@@ -26,9 +26,8 @@ from spectrabox.measure.regions.white import (
 from spectrabox.measure.steps.signals import flat_errors, flat_photos
 from spectrabox.radiometry.error_model import SAMPLE_PLANE
 from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.records import spectra
 from spectrabox.radiometry.records.photos import RegionSamples
-from spectrabox.radiometry.records.spectra import SurfaceSignals
-from spectrabox.radiometry.records.states import CaptureStates, independent_states
 
 CARD = 0.9                  # reflectance of a white card
 BESIDE = 0.2                # lengths of the chart from the edge of a sample to the middle of a card
@@ -62,7 +61,7 @@ class FlatPhotos:
                 for photo, now in zip(self.photos, self.whites, strict=True)]
 
     def signals(self, name: str, *, place: str = "", card: bool = False, flat_field: bool = False,
-                surface: str | None = None, moved: bool = False) -> SurfaceSignals:
+                surface: str | None = None, moved: bool = False) -> spectra.SurfaceSignals:
         """The signal of one region.
 
         Parameters
@@ -110,27 +109,27 @@ def flat_photos_of(capture: FlatCapture, records: CaptureRecords) -> FlatPhotos:
                       capture.band_names(records.photo.bands))
 
 
-def with_white_card(sample: FlatPhotos, name: str) -> SurfaceSignals:
+def with_white_card(sample: FlatPhotos, name: str) -> spectra.SurfaceSignals:
     """A region with a white card of known reflectance beside it in every photo."""
     return sample.signals(name, card=True)
 
 
-def with_chart_nearer(sample: FlatPhotos, name: str) -> SurfaceSignals:
+def with_chart_nearer(sample: FlatPhotos, name: str) -> spectra.SurfaceSignals:
     """A region right beside the chart in every photo."""
     return sample.signals(name, place=NEARER)
 
 
-def with_flat_field(sample: FlatPhotos, name: str) -> SurfaceSignals:
+def with_flat_field(sample: FlatPhotos, name: str) -> spectra.SurfaceSignals:
     """A region in photos that were divided by that of a white card in the samples' place."""
     return sample.signals(name, flat_field=True)
 
 
-def stated_matt(sample: FlatPhotos, name: str) -> SurfaceSignals:
+def stated_matt(sample: FlatPhotos, name: str) -> spectra.SurfaceSignals:
     """A region that is stated to be matt."""
     return sample.signals(name, surface="matt")
 
 
-def with_lamp_moved(sample: FlatPhotos, name: str) -> SurfaceSignals:
+def with_lamp_moved(sample: FlatPhotos, name: str) -> spectra.SurfaceSignals:
     """A region with one photo more, under the first lamp in another place.
 
     The light on it is taken to be as usual in both places: that one is off is rare.
@@ -146,7 +145,7 @@ def with_lamp_moved(sample: FlatPhotos, name: str) -> SurfaceSignals:
         covariances=states.covariances[usual]),))
 
 
-def with_level(unknown: Unknown) -> Unknown:
+def with_level(unknown: forecast.Unknown) -> forecast.Unknown:
     """The same with the level of the light in the sample's plane as a variable of the capture, as
     it is between two places of a lamp, in place of an error; a surface that reads black in every
     band is as it was, since no level changes it.
@@ -162,13 +161,14 @@ def with_level(unknown: Unknown) -> Unknown:
         return unknown
     plane = next(error.covariance[0] for error in now.errors if error.cause == SAMPLE_PLANE)
     variance = float((np.diag(plane)[signal > 0] / signal[signal > 0]**2).max())
-    level = CaptureStates((LEVEL,), (SAMPLE_PLANE,), signal[:, None], np.full(1, -1.0), ("",),
-                          np.ones(1), np.zeros((1, 1)), np.full((1, 1, 1), variance))
+    level = spectra.CaptureStates((LEVEL, ), (SAMPLE_PLANE, ), signal[:, None],
+                                  np.full(1, -1.0), ("", ), np.ones(1), np.zeros((1, 1)),
+                                  np.full((1, 1, 1), variance))
     seen = np.isfinite(now.signal[0])
     found = variance * signal[seen] @ np.linalg.solve(
-        total_covariance(now)[np.ix_(seen, seen)], left_errors(unknown)[seen])
+        forecast.total_covariance(now)[np.ix_(seen, seen)], forecast.left_errors(unknown)[seen])
     return replace(unknown, variables=np.r_[unknown.variables, found], signals=replace(
-        now, states=(independent_states(states, level),),
+        now, states=(spectra.independent_states(states, level),),
         errors=tuple(error for error in now.errors if error.cause != SAMPLE_PLANE)))
 
 

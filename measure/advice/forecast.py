@@ -23,8 +23,7 @@ from spectrabox.measure.surfaces.surface_signals import measurement
 from spectrabox.radiometry.appearance import ciede2000, reflectance_to_lab
 from spectrabox.radiometry.error_model import CAUSES
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.records.spectra import SignalError, SpectrumSamples, SurfaceSignals
-from spectrabox.radiometry.records.states import CaptureStates
+from spectrabox.radiometry.records import spectra
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 from spectrabox.sampling.prior.signal_posterior import SignalPosterior, solve_posterior
 
@@ -47,7 +46,7 @@ class Unknown:
 
     prior: LogitMixture
     level: float                    # of the band
-    signals: SurfaceSignals         # of it alone
+    signals: spectra.SurfaceSignals         # of it alone
     spectrum: np.ndarray            # (61,) mean reflectance
     variables: np.ndarray           # (V,) mean of what its states add
 
@@ -70,7 +69,8 @@ def outlook_of(posterior: SignalPosterior, level: float) -> Outlook:
     return Outlook(float(np.mean(upper - lower)), float(np.sqrt(np.sum(off**2))))
 
 
-def outlook_of_answer(samples: SpectrumSamples, lower: np.ndarray, upper: np.ndarray) -> Outlook:
+def outlook_of_answer(samples: spectra.SpectrumSamples, lower: np.ndarray,
+                      upper: np.ndarray) -> Outlook:
     """How well a spectrum is known by the draws and the band that an answer states of it.
 
     Parameters
@@ -89,7 +89,7 @@ def outlook_now(unknown: Unknown) -> Outlook:
     return outlook_stated(unknown, unknown.signals)
 
 
-def outlook_stated(unknown: Unknown, stated: SurfaceSignals) -> Outlook:
+def outlook_stated(unknown: Unknown, stated: spectra.SurfaceSignals) -> Outlook:
     """How well the spectrum is known by the signal that there is, once something more is stated.
 
     Parameters
@@ -101,7 +101,7 @@ def outlook_stated(unknown: Unknown, stated: SurfaceSignals) -> Outlook:
     return outlook_of(solve_posterior(unknown.prior, measurement(stated, 0)), unknown.level)
 
 
-def outlook_after(unknown: Unknown, after: SurfaceSignals) -> Outlook:
+def outlook_after(unknown: Unknown, after: spectra.SurfaceSignals) -> Outlook:
     """How well the spectrum is likely to be known after an action.
 
     Parameters
@@ -116,7 +116,7 @@ def outlook_after(unknown: Unknown, after: SurfaceSignals) -> Outlook:
         for error in after.errors)))
 
 
-def _scaled(error: SignalError, before: np.ndarray, now: np.ndarray) -> SignalError:
+def _scaled(error: spectra.SignalError, before: np.ndarray, now: np.ndarray) -> spectra.SignalError:
     """An error in proportion to signals (J,), of others."""
     scale = np.nan_to_num(np.divide(now, before, out=np.ones_like(now), where=before != 0), nan=1.0)
     return replace(error, covariance=error.covariance * np.outer(scale, scale))
@@ -130,12 +130,12 @@ def left_errors(unknown: Unknown) -> np.ndarray:
     return np.asarray(errors - now.states[0].pattern @ unknown.variables if now.states else errors)
 
 
-def total_covariance(signals: SurfaceSignals) -> np.ndarray:
+def total_covariance(signals: spectra.SurfaceSignals) -> np.ndarray:
     """Covariance (J, J) of one surface's signal by all errors but its states."""
     return np.asarray(np.sum([error.covariance[0] for error in signals.errors], axis=0))
 
 
-def _expected_signal(unknown: Unknown, after: SurfaceSignals) -> np.ndarray:
+def _expected_signal(unknown: Unknown, after: spectra.SurfaceSignals) -> np.ndarray:
     """The signal (J,) that the surface is likely to give; NaN in bands that do not show it."""
     now = unknown.signals
     seen = np.flatnonzero(np.isfinite(now.signal[0]))
@@ -150,7 +150,7 @@ def _expected_signal(unknown: Unknown, after: SurfaceSignals) -> np.ndarray:
     return np.asarray(signal)
 
 
-def _variables_given(states: CaptureStates, names: Sequence[str],
+def _variables_given(states: spectra.CaptureStates, names: Sequence[str],
                      values: np.ndarray) -> np.ndarray:
     """Means (V,) of the variables of states, some of which have the values (v,) of these names."""
     given = [states.names.index(name) for name in names]

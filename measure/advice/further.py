@@ -7,17 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from spectrabox.measure.advice.forecast import Unknown, total_covariance
-from spectrabox.measure.more_bands.further_photos import FurtherPhoto
+from spectrabox.measure.more_bands.filter_fit import FurtherPhoto
 from spectrabox.measure.more_bands.joined_errors import Surface, joined_errors
 from spectrabox.measure.regions.moved_lamp import LEVEL
 from spectrabox.measure.surfaces.surface_signals import FEW_BANDS, measurement
+from spectrabox.radiometry import error_model
 from spectrabox.radiometry.covariance import block_diagonal
-from spectrabox.radiometry.error_model import LIGHT_SCALE, PHOTO_NOISE, proportional_covariance
 from spectrabox.radiometry.gloss import gloss_states
 from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.records import spectra
 from spectrabox.radiometry.records.calibration import Calibration
-from spectrabox.radiometry.records.spectra import SignalError, SurfaceSignals
-from spectrabox.radiometry.records.states import CaptureStates
 from spectrabox.sampling.further.more_measurements import Reading
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
@@ -33,7 +32,7 @@ class ChartFitted:
     patch_error: float              # relative, of a patch in one band against the model
 
 
-def with_reading(unknown: Unknown, nm: float) -> SurfaceSignals:
+def with_reading(unknown: Unknown, nm: float) -> spectra.SurfaceSignals:
     """A surface whose reflectance is read at one wavelength.
 
     Parameters
@@ -45,7 +44,7 @@ def with_reading(unknown: Unknown, nm: float) -> SurfaceSignals:
     row = Reading.at_wavelength(nm, 0.0).row(now.grid)
     causes = {error.cause: block_diagonal(error.covariance[0], np.zeros((1, 1)))
               for error in now.errors}
-    causes[PHOTO_NOISE] = causes.get(PHOTO_NOISE, 0.0) + block_diagonal(
+    causes[error_model.PHOTO_NOISE] = causes.get(error_model.PHOTO_NOISE, 0.0) + block_diagonal(
         np.zeros_like(total_covariance(now)), np.array([[READING_ERROR**2]]))
     return _with_bands(now, row[None], causes, tuple(_pad(states, 1) for states in now.states),
                        np.zeros(1))
@@ -68,7 +67,7 @@ def may_add_photos(unknown: Unknown, bands: int, fitted: ChartFitted | None) -> 
 
 
 def with_photos(unknown: Unknown, photos: Sequence[FurtherPhoto], white: np.ndarray,
-                fitted: ChartFitted | None, stated: str | None) -> SurfaceSignals | None:
+                fitted: ChartFitted | None, stated: str | None) -> spectra.SurfaceSignals | None:
     """A surface in further photos through filters or under other lamps; None where what it mirrors
     under another lamp is not known.
 
@@ -94,14 +93,17 @@ def with_photos(unknown: Unknown, photos: Sequence[FurtherPhoto], white: np.ndar
     seen = [photo.same_lamp for photo in photos for dark in np.isin(
         np.arange(len(white)), photo.dark) if not dark]
     states = _states_with(unknown.signals.states, further @ spectrum, now.signal[0], seen, stated)
-    causes = {PHOTO_NOISE: errors.absolute[0],
-              LIGHT_SCALE: proportional_covariance(signals[0], errors.relative[0])}
+    causes = {
+        error_model.PHOTO_NOISE: errors.absolute[0], error_model.LIGHT_SCALE:
+        error_model.proportional_covariance(signals[0], errors.relative[0])
+    }
     return None if states is None else _with_bands(unknown.signals, further, causes, states,
                                                    signals[0, measured.signal.size:])
 
 
-def _states_with(states: tuple[CaptureStates, ...], further: np.ndarray, signal: np.ndarray,
-                 same_lamp: Sequence[bool], stated: str | None) -> tuple[CaptureStates, ...] | None:
+def _states_with(states: tuple[spectra.CaptureStates, ...], further: np.ndarray, signal: np.ndarray,
+                 same_lamp: Sequence[bool],
+                 stated: str | None) -> tuple[spectra.CaptureStates, ...] | None:
     """What the capture may add to the bands of further photos too, by their signals (n,)."""
     if not states:
         return ()
@@ -116,8 +118,9 @@ def _states_with(states: tuple[CaptureStates, ...], further: np.ndarray, signal:
     return (gloss_states(stated, lamps + [lamps[0] if same else "another" for same in same_lamp]),)
 
 
-def _with_bands(now: SurfaceSignals, response: np.ndarray, causes: Mapping[str, np.ndarray],
-                states: tuple[CaptureStates, ...], signals: np.ndarray) -> SurfaceSignals:
+def _with_bands(now: spectra.SurfaceSignals, response: np.ndarray, causes: Mapping[str, np.ndarray],
+                states: tuple[spectra.CaptureStates,
+                              ...], signals: np.ndarray) -> spectra.SurfaceSignals:
     """The surface with bands of these responses (n, P) added, with the covariances (J, J) of all
     errors by cause about its signals and some (n,) of these bands, which are not there yet.
     """
@@ -127,10 +130,10 @@ def _with_bands(now: SurfaceSignals, response: np.ndarray, causes: Mapping[str, 
         view_of_band=np.r_[now.view_of_band, np.full(count, now.view_of_band.max() + 1)],
         response=np.vstack([now.response, response]),
         signal=np.hstack([now.signal, signals[None]]),
-        errors=tuple(SignalError(cause, covariance[None])
+        errors=tuple(spectra.SignalError(cause, covariance[None])
                      for cause, covariance in causes.items()), states=states)
 
 
-def _pad(states: CaptureStates, bands: int) -> CaptureStates:
+def _pad(states: spectra.CaptureStates, bands: int) -> spectra.CaptureStates:
     """The same, of bands more to which nothing is added."""
     return states.through(np.eye(len(states.pattern) + bands, len(states.pattern)))

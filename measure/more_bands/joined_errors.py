@@ -13,24 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.measure.more_bands.further_photos import DARK, FurtherPhoto, curves_and_light
+from spectrabox.measure.more_bands import filter_fit
 from spectrabox.measure.regions.flat_signals import DARK_BAND, SHARED_BY_PHOTOS
 from spectrabox.measure.surfaces.surface_signals import all_errors_by_cause
+from spectrabox.radiometry import error_model
 from spectrabox.radiometry.covariance import common_variance, error_patterns, symmetric
-from spectrabox.radiometry.error_model import (
-    CAUSES,
-    DISAGREEMENT,
-    FILTER,
-    LIGHT_SPECTRUM,
-    PHOTO_NOISE,
-    RENDERING_NOISE,
-    SENSITIVITIES,
-    Errors,
-    filter_covariance,
-    light_covariance,
-    proportional_covariance,
-    sensitivity_covariance,
-)
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.calibration import Calibration, FittedFilter
 from spectrabox.radiometry.records.spectra import (
@@ -43,8 +30,8 @@ from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 
 DARK_PATCH = 0.03       # of white: darker patches err as this
 LEAST_SIGNAL = 0.02     # of white: below it noise is that of reading out
-NOISES = (PHOTO_NOISE, RENDERING_NOISE)
-OF_RESPONSE = (SENSITIVITIES, LIGHT_SPECTRUM, FILTER)
+NOISES = (error_model.PHOTO_NOISE, error_model.RENDERING_NOISE)
+OF_RESPONSE = (error_model.SENSITIVITIES, error_model.LIGHT_SPECTRUM, error_model.FILTER)
 
 
 @dataclass(frozen=True)
@@ -59,9 +46,9 @@ class Surface:
 
 
 def joined_errors(measured: Sequence[SpectralMeasurement], spectra: np.ndarray,
-                  photos: Sequence[FurtherPhoto], white: np.ndarray,
+                  photos: Sequence[filter_fit.FurtherPhoto], white: np.ndarray,
                   surfaces: Sequence[Surface] | None
-                  ) -> tuple[np.ndarray, np.ndarray, Errors]:
+                  ) -> tuple[np.ndarray, np.ndarray, error_model.Errors]:
     """Response (J, 301), expected signals (n, J) and their errors, of what was measured of n
     surfaces of one photo and of further photos of them, without bands that are dark.
 
@@ -82,7 +69,7 @@ def joined_errors(measured: Sequence[SpectralMeasurement], spectra: np.ndarray,
     shares = np.array([np.zeros_like(one.noise_covariance) if one.relative_covariance is None
                        else one.relative_covariance for one in measured])
     if not photos:
-        return measured[0].relative_response, now, Errors.of_total(before, now, shares)
+        return measured[0].relative_response, now, error_model.Errors.of_total(before, now, shares)
     known, bands = measured[0].signal.size, len(white)
     response = np.vstack([measured[0].relative_response, *(photo.response for photo in photos)])
     # an error of the light makes all photos as bright as the first one: what shares a factor has to
@@ -96,7 +83,7 @@ def joined_errors(measured: Sequence[SpectralMeasurement], spectra: np.ndarray,
     total[:, :known, :known] = before
     multiplies = np.zeros_like(total)
     for index, signal in enumerate(signals):
-        causes = {PHOTO_NOISE: before[index]}
+        causes = {error_model.PHOTO_NOISE: before[index]}
         if surfaces is not None:
             causes = all_errors_by_cause(surfaces[index].signals, surfaces[index].index)
         for cause, covariance in causes.items():
@@ -106,23 +93,23 @@ def joined_errors(measured: Sequence[SpectralMeasurement], spectra: np.ndarray,
             elif cause not in OF_RESPONSE:
                 added = _of_cause(cause, own, signal, blocks, photos)
                 total[index] += added
-                if CAUSES[cause].kind == "proportional":
+                if error_model.CAUSES[cause].kind == "proportional":
                     multiplies[index] += added
                     multiplies[index, :known, :known] += covariance
     if surfaces is not None:
         total += _of_response(surfaces, signals, spectra, response, known, photos)
     seen = np.concatenate([np.ones(known, bool), *(photo.white >= DARK_BAND for photo in photos)])
     if surfaces is None:
-        multiplies[:, :known, :known] = proportional_covariance(now, shares)
+        multiplies[:, :known, :known] = error_model.proportional_covariance(now, shares)
     signals, total, multiplies = (each[:, seen] for each in (signals, total, multiplies))
     inverse = np.divide(1.0, signals, out=np.zeros_like(signals), where=signals != 0)
-    return response[seen], signals, Errors.of_total(
+    return response[seen], signals, error_model.Errors.of_total(
         np.array([symmetric(one) for one in total[:, :, seen]]), signals,
-        proportional_covariance(inverse, multiplies[:, :, seen]))
+        error_model.proportional_covariance(inverse, multiplies[:, :, seen]))
 
 
 def _of_noise(own: np.ndarray, white: np.ndarray, signal: np.ndarray, blocks: Sequence[slice],
-              photos: Sequence[FurtherPhoto]) -> np.ndarray:
+              photos: Sequence[filter_fit.FurtherPhoto]) -> np.ndarray:
     """What noise adds to the covariance (J, J), being ``own`` (K, K) in the first photo."""
     level = np.maximum(signal, LEAST_SIGNAL)
     bright = white
@@ -131,18 +118,18 @@ def _of_noise(own: np.ndarray, white: np.ndarray, signal: np.ndarray, blocks: Se
     each = float(np.mean(np.diag(own) * bright / level[:len(own)]))
     variance = np.zeros(signal.size)
     for block, photo in zip(blocks, photos, strict=True):
-        variance[block] = each * level[block] / np.maximum(photo.white, DARK)
+        variance[block] = each * level[block] / np.maximum(photo.white, filter_fit.DARK)
     return np.diag(variance)
 
 
 def _of_cause(cause: str, own: np.ndarray, signal: np.ndarray, blocks: Sequence[slice],
-              photos: Sequence[FurtherPhoto]) -> np.ndarray:
+              photos: Sequence[filter_fit.FurtherPhoto]) -> np.ndarray:
     """What one cause adds to the covariance (J, J), being ``own`` (K, K) in the first photo."""
     bands = len(own)
-    scale = np.ones_like(signal) if CAUSES[cause].kind == "added" else signal
+    scale = np.ones_like(signal) if error_model.CAUSES[cause].kind == "added" else signal
     relative = own / np.outer(scale[:bands], scale[:bands])
     under_one, under_two = (share * relative for share in SHARED_BY_PHOTOS.get(cause, (0.0, 0.0)))
-    if cause == DISAGREEMENT:       # what the bands of a patch have in common, photos have
+    if cause == error_model.DISAGREEMENT:  # what the bands of a patch have in common, photos have
         common = min(float(relative[~np.eye(bands, dtype=bool)].mean()),
                      common_variance(relative, np.ones(bands)))
         under_one = np.full_like(relative, max(common, 0.0))
@@ -159,7 +146,8 @@ def _of_cause(cause: str, own: np.ndarray, signal: np.ndarray, blocks: Sequence[
 
 
 def _of_response(surfaces: Sequence[Surface], signals: np.ndarray, spectra: np.ndarray,
-                 response: np.ndarray, known: int, photos: Sequence[FurtherPhoto]) -> np.ndarray:
+                 response: np.ndarray, known: int,
+                 photos: Sequence[filter_fit.FurtherPhoto]) -> np.ndarray:
     """What errors of curves, light and filters add to the covariances (n, J, J); of the first photo
     what they then add less than now.
     """
@@ -173,19 +161,19 @@ def _of_response(surfaces: Sequence[Surface], signals: np.ndarray, spectra: np.n
         tuple(f"{number}" for number in range(len(signals))), (False,) * len(signals), FINE_GRID,
         spectra, tuple(f"{number}" for number in seen), views, response[seen], signals[:, seen], ())
     total = np.zeros((*signals.shape, signals.shape[1]))
-    total[:, seen[:, None], seen] = (
-        sensitivity_covariance(calibrations, joint) + light_covariance(calibrations, joint)
-        + filter_covariance(calibrations, joint))
+    total[:, seen[:, None], seen] = (error_model.sensitivity_covariance(calibrations, joint)
+                                     + error_model.light_covariance(calibrations, joint)
+                                     + error_model.filter_covariance(calibrations, joint))
     own = slice(0, bands)
     for index, surface in enumerate(surfaces):
         for error in surface.signals.errors:
-            if error.cause in (SENSITIVITIES, LIGHT_SPECTRUM):
+            if error.cause in (error_model.SENSITIVITIES, error_model.LIGHT_SPECTRUM):
                 total[index, own, own] -= error.covariance[surface.index][own, own]
     return total
 
 
 def _with_charts(surface: Surface, calibrations: list[Calibration],
-                 photos: Sequence[FurtherPhoto]) -> list[Calibration]:
+                 photos: Sequence[filter_fit.FurtherPhoto]) -> list[Calibration]:
     """The calibrations once the charts of photos under the first lamp are fitted too: curves and
     filters are conditioned on their patches, relative to a white of free level in every band.
     """
@@ -239,11 +227,11 @@ def _patches_in_band(chart: np.ndarray, calibration: Calibration, band: int
     return patches, by_curve, (change * fit.curves[band]) @ fitted.filter.modes
 
 
-def _calibration_of(calibration: Calibration, photo: FurtherPhoto) -> Calibration:
+def _calibration_of(calibration: Calibration, photo: filter_fit.FurtherPhoto) -> Calibration:
     """The calibration that a further photo would have, by the curves of the first one's."""
     power = photo.light
     if calibration.light_posterior is not None:     # of products: its curves hold the light's mean
-        _, light = curves_and_light(calibration)
+        _, light = filter_fit.curves_and_light(calibration)
         power = power * spectrum_on_grid(calibration.light, FINE_GRID) / light
     # a stated light may be dark at some wavelengths: nothing is divided by it
     own = Spectrum(FINE_GRID, power, Quantity.RELATIVE, photo.name)

@@ -14,20 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure.pictures.pixel_errors import (
-    COARSE_TOLERANCE,
-    PixelErrors,
-    White,
-    of_seen,
-)
-from spectrabox.measure.pictures.pixel_flags import CLIPPED, DARK, HIGHLIGHT, SEEN
+from spectrabox.measure.pictures import pixel_errors
 from spectrabox.measure.pictures.pixel_spectra import PixelBlock, SpectraPlan
 from spectrabox.measure.pictures.shown_bands import ShownBands
 from spectrabox.radiometry.error_model import Errors
 from spectrabox.radiometry.records.photos import LinearImage
+from spectrabox.sampling.prior import uplift_table
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 from spectrabox.sampling.prior.mixture_posterior import TOLERANCE
-from spectrabox.sampling.prior.uplift_table import MAX_SIGNAL, Uplifted, uplift_signals
 
 GREY = 0.3                  # signal by whose error the places of a photo are compared
 BEST_KNOWN, WORST_KNOWN = 5, 95     # percentiles of the places of the two tables
@@ -45,18 +39,18 @@ class PhotoBlock(PixelBlock):
     measured: np.ndarray
     flags: np.ndarray           # (n,) of pixel_flags.py
     grey_error: np.ndarray      # (n,) relative standard error of a mid grey there
-    white: White | None         # where pixels are computed one by one
+    white: pixel_errors.White | None         # where pixels are computed one by one
     variance: np.ndarray | None     # (n, K) of the photo's noise, likewise
 
     @property
     def seen(self) -> np.ndarray:
         """Whether a pixel (n,) has a spectrum."""
-        return np.asarray(self.flags == SEEN)
+        return np.asarray(self.flags == pixel_errors.SEEN)
 
     @property
     def within(self) -> np.ndarray:
         """Signals (n, K) that a reflectance can give."""
-        return np.clip(self.measured, DARKEST, MAX_SIGNAL)
+        return np.clip(self.measured, DARKEST, uplift_table.MAX_SIGNAL)
 
 
 @dataclass(frozen=True)
@@ -75,7 +69,7 @@ class LitPhoto:
     """A part of a photo, and the light on it: a source of pixels' signals."""
 
     photo: LinearImage          # the part alone
-    errors: PixelErrors
+    errors: pixel_errors.PixelErrors
     flags: np.ndarray | None = None     # (H, W) of pixel_flags.py, as the scene gives them
     highlights: bool = False    # whether what is brighter than white is a highlight: no spectrum
     shown: ShownBands | None = None     # where some pixels are seen in some bands; of one light
@@ -160,18 +154,18 @@ class LitPhoto:
             else self.flags[first:last].ravel().copy()
         if self.shown is None:
             clipped = self.photo.saturated[first:last].reshape(-1, bands).any(axis=1)
-            flags[(flags == SEEN) & clipped] = CLIPPED
-            flags[(flags == SEEN) & (measured <= 0).any(axis=1)] = DARK
+            flags[(flags == pixel_errors.SEEN) & clipped] = pixel_errors.CLIPPED
+            flags[(flags == pixel_errors.SEEN) & (measured <= 0).any(axis=1)] = pixel_errors.DARK
         else:
             flags = self.shown.flags[first:last].ravel()
             signals[~self.shown.sets[light]] = GREY
         if self.highlights:
-            brighter = np.max(signals - MAX_SIGNAL, axis=1) > SIGMAS * grey_error
-            flags[(flags == SEEN) & brighter] = HIGHLIGHT
+            brighter = np.max(signals - uplift_table.MAX_SIGNAL, axis=1) > SIGMAS * grey_error
+            flags[(flags == pixel_errors.SEEN) & brighter] = pixel_errors.HIGHLIGHT
         signals = signals - errors.gloss.pattern @ errors.gloss.mean
-        seen = flags == SEEN
+        seen = flags == pixel_errors.SEEN
         return PhotoBlock(
-            np.where(seen[:, None], np.clip(signals, DARKEST, MAX_SIGNAL), GREY),
+            np.where(seen[:, None], np.clip(signals, DARKEST, uplift_table.MAX_SIGNAL), GREY),
             None if light is None else np.where(seen, light, 0),
             np.clip((variance - low) / (high - low), 0, 1).astype(np.float32), signals, flags,
             grey_error, errors.white_at(weights) if direct else None,
@@ -186,7 +180,7 @@ class LitPhoto:
         near = [self._errors_near(percentile, signals, by_curves)
                 for percentile in (BEST_KNOWN, WORST_KNOWN)]
         return [Errors(np.where(np.outer(seen, seen), errors.relative, 0.0),
-                       of_seen(errors.absolute, seen)) for errors in near]
+                       pixel_errors.of_seen(errors.absolute, seen)) for errors in near]
 
     def _errors_near(self, percentile: float, signals: np.ndarray,
                      by_curves: np.ndarray) -> Errors:
@@ -198,7 +192,7 @@ class LitPhoto:
         variance = constant + slope * (signals * there.signal + self.errors.glare)
         return self.errors.errors(signals, there, variance, by_curves)
 
-    def direct(self, block: PhotoBlock, *, coarse: bool = False) -> Uplifted:
+    def direct(self, block: PhotoBlock, *, coarse: bool = False) -> uplift_table.Uplifted:
         """Spectra of a block, each pixel by itself.
 
         Parameters
@@ -212,7 +206,7 @@ class LitPhoto:
         assert block.white is not None and block.variance is not None
         count, within = len(block.measured), block.within
         shape = count, PRIOR_GRID.nm.size
-        whole = Uplifted(np.empty(shape), np.empty(shape), np.empty(count))
+        whole = uplift_table.Uplifted(np.empty(shape), np.empty(shape), np.empty(count))
         lights = np.zeros(count, int) if block.light is None else block.light
         for number in np.unique(lights):
             own = np.flatnonzero(lights == number)
@@ -220,9 +214,10 @@ class LitPhoto:
             errors = self.errors.errors(
                 within[own], block.white.rows(own), block.variance[own],
                 None if coarse else self.errors.by_curves(within[own], light, seen))
-            part = uplift_signals(self.prior, self.responses[number][seen], within[own][:, seen],
-                                  Errors(*(each[:, seen][..., seen] for each in errors)),
-                                  tolerance=COARSE_TOLERANCE if coarse else TOLERANCE)
+            part = uplift_table.uplift_signals(
+                self.prior, self.responses[number][seen], within[own][:, seen],
+                Errors(*(each[:, seen][..., seen] for each in errors)),
+                tolerance=pixel_errors.COARSE_TOLERANCE if coarse else TOLERANCE)
             for name, values in vars(whole).items():
                 values[own] = getattr(part, name)
         return whole
@@ -240,7 +235,7 @@ def photo_spectra(photo: LitPhoto, plan: SpectraPlan, block: PhotoBlock) -> Phot
     """
     values: Any = plan.values(photo, block)
     mean, deviation = plan.split(values)
-    beyond = np.max(block.measured - MAX_SIGNAL, axis=1) / (SIGMAS * block.grey_error)
+    beyond = np.max(block.measured - uplift_table.MAX_SIGNAL, axis=1) / (SIGMAS * block.grey_error)
     # no signal beyond white is explained by the prior
     novelty = np.maximum(values[:, -1], beyond)
     for part in (mean, deviation, novelty):

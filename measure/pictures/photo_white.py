@@ -1,6 +1,12 @@
-"""What a perfect white reads in a photo, told by a ColorChecker in it, and whether the camera and
-the light that were stated explain that chart.
+"""What a perfect white would read on every pixel, also by surfaces that serve as references.
+
+Light on a picture as its surfaces of known reflectance show it: scale, and disagreement.
+
+The materials of the other surfaces may be painted with patterns, so that only the known ones tell
+light from reflectance. They are compared under the light that the picture's own spectra give.
 """
+
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -10,11 +16,75 @@ import numpy as np
 from spectrabox.calibrate.chart_equations import field_terms
 from spectrabox.calibrate.chart_findings import chart_limits
 from spectrabox.measure.camera import measure_chart
+from spectrabox.measure.pictures.traced_photo import TracedPhoto
+from spectrabox.radiometry import errors
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.charts.references import reference_reflectances
-from spectrabox.radiometry.errors import ChartNotFoundError, CheckError, InputError
 from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.light_scale import scale_from_signals
+from spectrabox.radiometry.records.calibration import LightScale
 from spectrabox.radiometry.records.photos import LinearImage, PhotoKind
+from spectrabox.radiometry.records.scenes import SurfaceAgreement
+from spectrabox.reconstruct.agreement import SCALE_ERROR, surface_covariance
+
+MIN_NODES = 8   # of a surface that is compared
+
+
+@dataclass(frozen=True)
+class ReferenceSurfaces:
+    """Light scale of the photo, and relative covariance (K, K) by which photo and light disagree.
+    """
+
+    scale: LightScale
+    covariance: np.ndarray
+
+
+def compare_reference_surfaces(scene: TracedPhoto, light: np.ndarray,
+                               even: np.ndarray) -> ReferenceSurfaces:
+    """Compare the surfaces of known reflectance with the light on them.
+
+    Parameters
+    ----------
+    scene : TracedPhoto
+    light : (N, P) array
+        At the nodes, for a light scale of 1.
+    even : (N,) bool array
+        Nodes where light does not change too quickly to be compared.
+    """
+    view, traced = scene.view, scene.traced
+    measured, variance = scene.node_signals
+    weights = view.sensitivities * view.grid.weights_nm
+    materials_by_name = {material.name: material for material in view.scene_materials}
+    rows = []
+    for number, name in enumerate(view.scene_file.surfaces):
+        material = materials_by_name[view.surface_materials[number]]
+        own = np.flatnonzero((traced.nodes.keys[0] == number) & even & scene.compared)
+        if material.reflectance is None or own.size < MIN_NODES:
+            continue
+        predicted = light[own] * material.reflectance @ weights.T
+        if not np.all(predicted > 0) or not np.all(measured[own] > 0):
+            continue
+        logs = np.log(measured[own] / predicted)
+        noise = np.mean(variance[own] / measured[own]**2, axis=0) \
+            + np.mean(traced.relative_variance[own])
+        rows.append((f"{material.name} / {name}", material.name, own.size,
+                     measured[own].sum(axis=0), predicted.sum(axis=0),
+                     np.sqrt(np.maximum(logs.var(axis=0) - noise, 0.0))))
+    scale, bands = scene.joint.views[0].light_scale, measured.shape[1]
+    if not rows:
+        return ReferenceSurfaces(scale, scene.disagreement**2 * (np.eye(bands) + 1) / 2)
+    names, materials, pixels, photo, model, spread = zip(*rows, strict=True)
+    if view.light_scale is None:
+        scale = scale_from_signals(np.array(photo), np.array(model), SCALE_ERROR, scale.source)
+    agreement = SurfaceAgreement(names, materials, np.array(pixels),
+                                 np.array(photo) / (scale.value * np.array(model)),
+                                 np.array(spread))
+    within = np.einsum("sk,sl->kl", agreement.spread, agreement.spread) / len(rows)
+    return ReferenceSurfaces(scale, surface_covariance(agreement, frozenset(materials),
+                                                       scene.disagreement) + within)
+
+
+# ---- photo white ---------------------------------------------------------------------------------
 
 DARK_SHARE = 0.02       # of the brightest patch in a band, below which noise is most of a signal
 
@@ -109,14 +179,15 @@ def photo_white(photo: LinearImage, relative_response: np.ndarray,
     require_camera_signal(photo.kind, photo.source)
     try:
         found = white_of_chart(photo, relative_response)
-    except (ChartNotFoundError, CheckError) as error:
+    except (errors.ChartNotFoundError, errors.CheckError) as error:
         if photo.kind is not PhotoKind.RAW:
             return None
-        raise InputError(f"{photo.source} is a raw photo: its values are shares of what the sensor "
-                         "can hold and not of white, and no chart in it tells what white reads "
-                         f"({str(error).partition(';')[0]}). {remedy}") from None
+        raise errors.InputError(
+            f"{photo.source} is a raw photo: its values are shares of what the sensor "
+            "can hold and not of white, and no chart in it tells what white reads "
+            f"({str(error).partition(';')[0]}). {remedy}") from None
     if found.residual > chart_limits(stated=False)[1]:
-        raise CheckError(f"{photo.source}: {found.doubt}")
+        raise errors.CheckError(f"{photo.source}: {found.doubt}")
     return found
 
 
@@ -134,6 +205,6 @@ def require_camera_signal(kind: PhotoKind, source: str) -> None:
     InputError
     """
     if kind is PhotoKind.PROCESSED:
-        raise InputError(f"{source} was decoded from sRGB: its values are what a camera's "
+        raise errors.InputError(f"{source} was decoded from sRGB: its values are what a camera's "
                          "processing made for a screen, and no camera saw them. Take its colours "
                          "as they are, from the file itself (--encoded, encoded=True)")

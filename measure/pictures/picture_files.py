@@ -9,16 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.capture.photo.image_writers import write_png
-from spectrabox.measure.pictures.lit_photo import LitPhoto, PhotoSpectra, photo_spectra
-from spectrabox.measure.pictures.picture_maps import Reduced, map_rows, maps_of, reduced_picture
-from spectrabox.measure.pictures.pixel_flags import HIGHLIGHT, SEEN
-from spectrabox.measure.pictures.pixel_spectra import (
-    merge_surveys,
-    plan_spectra,
-    row_blocks,
-    survey_rows,
-)
-from spectrabox.measure.pictures.spectra_files import PictureLayout, computed_blocks, write_spectra
+from spectrabox.measure.pictures import lit_photo, picture_maps, pixel_spectra, spectra_files
+from spectrabox.measure.pictures.pixel_errors import HIGHLIGHT, SEEN
 from spectrabox.measure.records import PictureRecords
 from spectrabox.measure.shoot.options import PictureOptions
 from spectrabox.sampling.prior.local_posteriors import MAX_CENTRES
@@ -26,10 +18,11 @@ from spectrabox.sampling.prior.local_posteriors import MAX_CENTRES
 PIXELS_A_POINT = 500        # a point of the table takes as long as how many pixels looked up
 
 
-def write_picture(photo: LitPhoto, section: PictureOptions, folder: Path,
-                  progress: Callable[[float], None],
-                  also: Callable[[int, int, PhotoSpectra], None] = lambda first, last, spectra: None
-                  ) -> PictureRecords:
+def write_picture(
+    photo: lit_photo.LitPhoto, section: PictureOptions, folder: Path,
+    progress: Callable[[float], None], also: Callable[[int, int, lit_photo.PhotoSpectra],
+                                                      None] = lambda first, last, spectra: None
+) -> PictureRecords:
     """Write the spectra of all pixels and maps of them.
 
     Parameters
@@ -43,24 +36,25 @@ def write_picture(photo: LitPhoto, section: PictureOptions, folder: Path,
     """
     layout = layout_of(section)
     height, width, _ = photo.size
-    maps = maps_of(layout.nm[0], section.light, flags=photo.flags is not None)
-    reduced = Reduced(height, width, maps)
-    survey = merge_surveys(survey_rows(photo, *rows) for rows in row_blocks(height, width))
+    maps = picture_maps.maps_of(layout.nm[0], section.light, flags=photo.flags is not None)
+    reduced = picture_maps.Reduced(height, width, maps)
+    survey = pixel_spectra.merge_surveys(
+        pixel_spectra.survey_rows(photo, *rows) for rows in pixel_spectra.row_blocks(height, width))
     in_pixels = PIXELS_A_POINT * int(survey.points.sum() or MAX_CENTRES)
     table_share = in_pixels / (in_pixels + height * width)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        plan = plan_spectra(photo, layout, survey,
+        plan = pixel_spectra.plan_spectra(photo, layout, survey,
                             lambda share: progress(table_share * share), pool.map)
     before = table_share if plan.tables else 0.0
     counts = np.zeros(3)        # beyond white, unlike, and the sum of standard deviations
     reasons = np.zeros(HIGHLIGHT + 1)
 
-    with map_rows(folder, height, width, maps, reduced) as write_maps:
+    with picture_maps.map_rows(folder, height, width, maps, reduced) as write_maps:
         def blocks() -> Iterator[tuple[int, int, tuple[np.ndarray, ...]]]:
-            for first, last, spectra in computed_blocks(
+            for first, last, spectra in spectra_files.computed_blocks(
                     height, width,
                     lambda first, last: photo.block(first, last, direct=not plan.tables),
-                    lambda block: photo_spectra(photo, plan, block)):
+                    lambda block: lit_photo.photo_spectra(photo, plan, block)):
                 write_maps(first, spectra)
                 also(first, last, spectra)
                 seen = spectra.flags == SEEN
@@ -70,11 +64,11 @@ def write_picture(photo: LitPhoto, section: PictureOptions, folder: Path,
                 reasons[:] += np.bincount(spectra.flags, minlength=reasons.size)
                 yield first, last, (spectra.mean, spectra.standard_deviation)
 
-        write_spectra(blocks(), (height, width), folder, layout,
+        spectra_files.write_spectra(blocks(), (height, width), folder, layout,
                       lambda share: progress(before + (1 - before) * share),
                       photo.errors.responses)
     for each in maps:
-        write_png(folder / f"preview-{each.file}", reduced_picture(reduced, each))
+        write_png(folder / f"preview-{each.file}", picture_maps.reduced_picture(reduced, each))
     total = height * width
     masked, beyond, novel = (np.array([total - reasons[SEEN], *counts[:2]]) / total).tolist()
     return PictureRecords(
@@ -83,6 +77,6 @@ def write_picture(photo: LitPhoto, section: PictureOptions, folder: Path,
         reasons / total, float(counts[2] / max(reasons[SEEN], 1)))
 
 
-def layout_of(section: PictureOptions) -> PictureLayout:
+def layout_of(section: PictureOptions) -> spectra_files.PictureLayout:
     """Wavelengths and format of a picture's files."""
-    return PictureLayout(section.step_nm, form=section.format)
+    return spectra_files.PictureLayout(section.step_nm, form=section.format)

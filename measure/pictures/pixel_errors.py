@@ -1,8 +1,12 @@
-"""White at every pixel of a photo, and the covariance of the pixels' signals.
+"""Errors of pixels' signals by cause, and why a pixel has no spectrum.
+
+White at every pixel of a photo, and the covariance of the pixels' signals.
 
 White and its errors are known at nodes, and interpolated linearly between them. The covariance of a
 pixel depends on its signal, on white there, and on its noise.
 """
+
+
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
@@ -12,26 +16,24 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_array
 
-from spectrabox.measure.pictures.illumination import (
-    Illumination,
-    LightAdaptation,
-    light_adaptation,
-)
-from spectrabox.radiometry.error_model import (
-    SENSITIVITIES,
-    Errors,
-    filter_covariance,
-    light_covariance,
-    sensitivity_covariance,
-    split_errors,
-)
+from spectrabox.measure.pictures import illumination
+from spectrabox.radiometry import error_model
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.records.calibration import Calibration
-from spectrabox.radiometry.records.spectra import SurfaceSignals
-from spectrabox.radiometry.records.states import CaptureStates
+from spectrabox.radiometry.records.spectra import CaptureStates, SurfaceSignals
 from spectrabox.sampling.prior.local_posteriors import informative_bands
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, reflectance_moments
 from spectrabox.sampling.prior.mixture_posterior import mean_and_spread, posterior
+
+SEEN, CLIPPED, DARK, EDGE, PENUMBRA, HIGHLIGHT = range(6)
+WORDS = ("has a spectrum", "clipped", "no signal or no light",
+         "at an edge, or no surface of the scene",
+         "where light changes quickly: penumbra, corners", "highlight, brighter than white")
+COLOURS = np.array([(235, 235, 235), (255, 0, 255), (0, 0, 0), (90, 90, 90), (64, 110, 200),
+                    (255, 160, 0)], np.uint8)
+
+
+# ---- white at every pixel of a photo, and the covariance of the pixels' signals ------------------
 
 EXPECTED = 0.01         # of white: error of the signals whose spectra the errors are evaluated at
 EXPECTED_AT_ONCE = 500
@@ -58,12 +60,12 @@ class PixelErrors:
 
     between: Callable[[int, int], csr_array]    # weights (n, N) of the nodes at pixels of some rows
     white: White                # at the nodes
-    light: Illumination         # at the nodes
+    light: illumination.Illumination         # at the nodes
     glare: np.ndarray           # (K,) signal
     glare_covariance: np.ndarray    # (K, K) of it and of the veil over the whole photo
     gloss: CaptureStates        # what surfaces may mirror, relative to white, in the K bands
     relative: np.ndarray        # (K, K) further relative covariance: disagreement of photo and
-                                # model
+    # model
     # of the photos, with each of the J typical lights
     calibrations: Sequence[Sequence[Calibration]]
     photo_of_band: np.ndarray   # (K,) whose calibration is that of each band
@@ -81,9 +83,9 @@ class PixelErrors:
         return np.asarray(self.gloss.pattern @ self.gloss.covariance @ self.gloss.pattern.T)
 
     @cached_property
-    def adaptation(self) -> LightAdaptation:
+    def adaptation(self) -> illumination.LightAdaptation:
         """How signals are adapted to the typical lights."""
-        return light_adaptation(self.light, self.prior)
+        return illumination.light_adaptation(self.light, self.prior)
 
     def white_at(self, weights: csr_array) -> White:
         """White at the pixels (n) of some weights of the nodes."""
@@ -116,7 +118,7 @@ class PixelErrors:
         return np.asarray((covariance + covariance.transpose(0, 2, 1)) / 2)
 
     def errors(self, signals: np.ndarray, white: White, variance: np.ndarray,
-               by_curves: np.ndarray | None = None) -> Errors:
+               by_curves: np.ndarray | None = None) -> error_model.Errors:
         """All errors of signals (n, K), with those of the curves (n, K, K) if given: what white is
         off by multiplies them, as do curves unless a band is nearly dark.
 
@@ -130,8 +132,9 @@ class PixelErrors:
         total, relative = self.at_white(signals, white, variance), white.log + self.relative
         if by_curves is not None:
             total = total + by_curves
-            relative = relative + split_errors(signals, {SENSITIVITIES: by_curves}).relative
-        return Errors.of_total(total, signals, relative)
+            relative = relative + error_model.split_errors(
+                signals, {error_model.SENSITIVITIES: by_curves}).relative
+        return error_model.Errors.of_total(total, signals, relative)
 
     def by_curves(self, signals: np.ndarray, light: int,
                   seen: np.ndarray | None = None) -> np.ndarray:
@@ -160,8 +163,11 @@ class PixelErrors:
             ("",) * len(signals), (False,) * len(signals), FINE_GRID,
             spectra @ interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm).T, ("",) * seen.size,
             self.photo_of_band, self.fine_responses[light], np.where(seen, signals, 0.0), ())
-        return np.sum([by_cause(self.calibrations[light], surfaces) for by_cause in (
-            sensitivity_covariance, light_covariance, filter_covariance)], axis=0)
+        return np.sum([
+            by_cause(self.calibrations[light], surfaces)
+            for by_cause in (error_model.sensitivity_covariance, error_model.light_covariance,
+                             error_model.filter_covariance)
+        ], axis=0)
 
 
 def of_seen(covariance: np.ndarray, seen: np.ndarray) -> np.ndarray:

@@ -20,22 +20,13 @@ import numpy as np
 from spectrabox.capture.photo.image_rows import ROWS_PER_BLOCK
 from spectrabox.radiometry.error_model import Errors
 from spectrabox.radiometry.errors import InputError
+from spectrabox.sampling.prior import uplift_table
 from spectrabox.sampling.prior.local_posteriors import (
     MAX_CENTRES,
     LocalPosteriors,
     local_posteriors,
 )
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
-from spectrabox.sampling.prior.uplift_table import (
-    MapParts,
-    Progress,
-    Uplifted,
-    UpliftTable,
-    build_tables,
-    interpolation,
-    outside,
-    points_around,
-)
 
 ABOVE_WHITE = 1.1       # of white: more than white's own error and the photo's noise
 MAX_ABOVE = 0.05        # of the pixels: lamps and highlights; where more are, white is another
@@ -79,7 +70,7 @@ class PixelBlock:
     signals: np.ndarray             # (n, K) relative to white, as a table is read at them
     light: np.ndarray | None        # (n,) index of the typical light; None where there is one
     error_level: np.ndarray | None  # (n,) 0 where errors are smallest, 1 where largest; None
-                                    # where they depend on the signal alone
+    # where they depend on the signal alone
 
 
 class PixelSource(Protocol):
@@ -113,7 +104,7 @@ class PixelSource(Protocol):
         picture.
         """
 
-    def direct(self, block: Any) -> Uplifted:
+    def direct(self, block: Any) -> uplift_table.Uplifted:
         """Spectra of a block, each pixel by itself."""
 
 
@@ -166,7 +157,7 @@ def survey_rows(source: PixelSource, first: int, last: int) -> Survey:
     block = source.block(first, last)
     points = np.zeros((len(source.responses), *(source.table_side,) * 3), dtype=bool)
     for light, some in _pieces(block, PIXELS_IN_CACHE) if bands == 3 else ():
-        points[light] |= points_around(block.signals[some], source.table_side)
+        points[light] |= uplift_table.points_around(block.signals[some], source.table_side)
     # from one pixel of the sample to the next, in reading order: no divisor of a row
     step = max(1, -(-height * width // SAMPLED))
     while math.gcd(step, width) > 1:
@@ -175,7 +166,7 @@ def survey_rows(source: PixelSource, first: int, last: int) -> Survey:
     # copied: a view would hold all signals of these rows
     sample = PixelBlock(block.signals[some].copy(), _rows([block.light], some),
                         _rows([block.error_level], some))
-    return Survey(points, int(outside(block.signals).sum()),
+    return Survey(points, int(uplift_table.outside(block.signals).sum()),
                   int(np.any(block.signals > ABOVE_WHITE, axis=1).sum()), sample)
 
 
@@ -223,7 +214,7 @@ class LightTable:
 
     def values(self, signals: np.ndarray, level: np.ndarray | None) -> np.ndarray:
         """Numbers (n, C) of signals (n, 3), and of the level (n,) of their errors."""
-        weights = interpolation(self.row, len(self.columns), signals)
+        weights = uplift_table.interpolation(self.row, len(self.columns), signals)
         values = weights @ self.columns
         if self.change is not None and level is not None:
             values += level[:, None] * (weights @ self.change)
@@ -263,8 +254,8 @@ class SpectraPlan:
 
 
 def plan_spectra(source: PixelSource, kept: KeptWavelengths, survey: Survey,
-                 progress: Progress = lambda share: None,
-                 map_parts: MapParts = map) -> SpectraPlan:
+                 progress: uplift_table.Progress = lambda share: None,
+                 map_parts: uplift_table.MapParts = map) -> SpectraPlan:
     """The plan of a picture all of whose rows have been surveyed.
 
     Parameters
@@ -288,7 +279,7 @@ def plan_spectra(source: PixelSource, kept: KeptWavelengths, survey: Survey,
     done = 0
     for light, wanted in enumerate(survey.points):
         own = int(wanted.sum())
-        uplifted = build_tables(
+        uplifted = uplift_table.build_tables(
             source.prior, source.responses[light], partial(source.table_errors, light), wanted,
             lambda share, done=done, own=own: progress(     # type: ignore[misc]
                 (done + share * own) / points), map_parts)
@@ -299,14 +290,16 @@ def plan_spectra(source: PixelSource, kept: KeptWavelengths, survey: Survey,
     return SpectraPlan(kept, tuple(tables))
 
 
-def _columns(uplifted: Uplifted | UpliftTable, kept: KeptWavelengths) -> np.ndarray:
+def _columns(uplifted: uplift_table.Uplifted | uplift_table.UpliftTable,
+             kept: KeptWavelengths) -> np.ndarray:
     """Mean, standard deviation and novelty side by side."""
     return np.hstack([uplifted.mean[:, kept.mean], uplifted.standard_deviation[:, kept.deviation],
                       uplifted.novelty[:, None]])
 
 
-def _local_tables(source: PixelSource, kept: KeptWavelengths, survey: Survey, progress: Progress,
-                  map_parts: MapParts) -> Iterator[LocalPosteriors]:
+def _local_tables(source: PixelSource, kept: KeptWavelengths, survey: Survey,
+                  progress: uplift_table.Progress,
+                  map_parts: uplift_table.MapParts) -> Iterator[LocalPosteriors]:
     """Posteriors at some signals under each light."""
     lights, sample = len(source.responses), survey.sample
     for light, response in enumerate(source.responses):

@@ -11,12 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import csr_array
 
+from spectrabox.measure.pictures import pixel_errors
 from spectrabox.measure.pictures.crop import crop_photo
 from spectrabox.measure.pictures.illumination import illumination
 from spectrabox.measure.pictures.lit_photo import LitPhoto
-from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
-from spectrabox.measure.pictures.pixel_flags import DARK, EDGE, PENUMBRA, SEEN
-from spectrabox.measure.pictures.reference_surfaces import compare_reference_surfaces
+from spectrabox.measure.pictures.photo_white import compare_reference_surfaces
 from spectrabox.measure.pictures.traced_photo import TracedPhoto
 from spectrabox.radiometry.error_model import scale_covariances
 from spectrabox.radiometry.findings import Finding, Severity
@@ -99,7 +98,7 @@ def _sample_pixels(scene: TracedPhoto, photo: LitPhoto, materials: Sequence[int]
     view, crop = scene.view, scene.crop
     assert photo.flags is not None
     inside = scene.traced.nodes.surface[crop.rows, crop.columns]
-    usable = (photo.flags == SEEN) & ~photo.photo.saturated.any(axis=2)
+    usable = (photo.flags == pixel_errors.SEEN) & ~photo.photo.saturated.any(axis=2)
     places = []
     for material in materials:
         surfaces = [index for index, name in enumerate(view.surface_materials)
@@ -175,17 +174,17 @@ def light_photo(scene: TracedPhoto, light: np.ndarray) -> tuple[LitPhoto, LightS
 
     typical = lighting.typical @ lighting.spectra
     responses = typical[:, None, :] * (view.sensitivities * view.grid.weights_nm)
-    errors = PixelErrors(
-        between, White(np.maximum(white, 1e-30), log, np.zeros_like(log)), lighting,
+    errors = pixel_errors.PixelErrors(
+        between, pixel_errors.White(np.maximum(white, 1e-30), log, np.zeros_like(log)), lighting,
         np.zeros(bands), np.outer(scene.veil, scene.veil),
         gloss_states(scene.surface, [""] * bands), references.covariance,
         [(_calibration_under(scene, colour),) for colour in typical], np.zeros(bands, int),
         responses / responses.sum(axis=2, keepdims=True), scene.prior)
-    flags = np.full(nodes.surface.shape, SEEN, np.uint8)
+    flags = np.full(nodes.surface.shape, pixel_errors.SEEN, np.uint8)
     region = nodes.region
-    flags[(uneven > PENUMBRA_ERROR)[region]] = PENUMBRA
-    flags[(lighting.maps == 0).all(axis=1)[region]] = DARK
-    flags[scene.edges | (region < 0) | scene.traced.lamp[region]] = EDGE
+    flags[(uneven > PENUMBRA_ERROR)[region]] = pixel_errors.PENUMBRA
+    flags[(lighting.maps == 0).all(axis=1)[region]] = pixel_errors.DARK
+    flags[scene.edges | (region < 0) | scene.traced.lamp[region]] = pixel_errors.EDGE
     return LitPhoto(crop_photo(view.photo, crop), errors, flags[crop.rows, crop.columns],
                     highlights=True), references.scale
 

@@ -22,29 +22,22 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 
 from spectrabox.capture.photo.image_rows import exr_rows
-from spectrabox.measure.pictures.pixel_spectra import (
-    GRID_STEP_NM,
-    KeptWavelengths,
-    row_blocks,
-)
+from spectrabox.measure.pictures import pixel_spectra
 from spectrabox.radiometry.appearance import TO_SRGB, adapted_tristimulus
 from spectrabox.radiometry.files import writable
 from spectrabox.radiometry.records.spectra import Quantity
+from spectrabox.radiometry.spectra import spectral_layers
 from spectrabox.radiometry.spectra.formats.envi import VALUES, envi_rows
 from spectrabox.radiometry.spectra.formats.zarr_array import SUFFIX as ZARR
 from spectrabox.radiometry.spectra.formats.zarr_array import zarr_rows
-from spectrabox.radiometry.spectra.spectral_layers import (
-    QUANTITY,
-    STANDARD_DEVIATION,
-    layer_names,
-    layout_attributes,
-)
 from spectrabox.radiometry.system.strips import WriteRows
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
 DAYLIGHT = "D65"
 MEAN, DEVIATION = "mean", "standard_deviation"
-QUANTITIES = {MEAN: Quantity.REFLECTANCE.name.lower(), DEVIATION: STANDARD_DEVIATION}
+QUANTITIES = {
+    MEAN: Quantity.REFLECTANCE.name.lower(), DEVIATION: spectral_layers.STANDARD_DEVIATION
+}
 RESPONSES = "spectrabox:bandResponses"
 OF_WIDTH = ("fwhm is that of the wavelength grid on which spectra are estimated, not what the "
             "camera resolves; how well each value is known is in standard_deviation")
@@ -57,7 +50,7 @@ Made = TypeVar("Made")
 
 
 @dataclass(frozen=True)
-class PictureLayout(KeptWavelengths):
+class PictureLayout(pixel_spectra.KeptWavelengths):
     """The wavelengths that are written, and the format of the files; ENVI's are single floats."""
 
     form: Format = "exr"
@@ -93,7 +86,7 @@ def computed_blocks(height: int, width: int, read: Callable[[int, int], Rows],
     cores = os.cpu_count() or 1
     waiting: deque[tuple[int, int, Future[Made]]] = deque()
     with ThreadPoolExecutor(cores) as pool:
-        for first, last in row_blocks(height, width):
+        for first, last in pixel_spectra.row_blocks(height, width):
             waiting.append((first, last, pool.submit(compute, read(first, last))))
             if len(waiting) > cores:
                 first, last, result = waiting.popleft()
@@ -155,7 +148,7 @@ def layer_rows(name: str, path: Path, size: tuple[int, int], layout: PictureLayo
         if layout.form == "envi":
             yield stack.enter_context(envi_rows(path, *size, nm, QUANTITIES[name],
                                                 f"{words} reflectance of every pixel; {OF_WIDTH}",
-                                                float(GRID_STEP_NM)))
+                                                float(pixel_spectra.GRID_STEP_NM)))
         elif layout.form == "zarr":
             yield stack.enter_context(zarr_rows(path, *size, nm, half,
                                                 *zarr_facts(name, responses)))
@@ -163,10 +156,12 @@ def layer_rows(name: str, path: Path, size: tuple[int, int], layout: PictureLayo
             colours = "RGB" if name == MEAN else ""
             bands = {key: json.dumps(facts)
                      for key, facts in _response_facts(name, responses).items()}
-            write = stack.enter_context(exr_rows(
-                path, *size, [*colours, *layer_names(nm)], half,
-                layout_attributes(Quantity.REFLECTANCE if colours else STANDARD_DEVIATION) | bands,
-                tiles=layout.form == "tiled-exr"))
+            write = stack.enter_context(
+                exr_rows(
+                    path, *size, [*colours, *spectral_layers.layer_names(nm)], half,
+                    spectral_layers.layout_attributes(
+                        Quantity.REFLECTANCE if colours else spectral_layers.STANDARD_DEVIATION)
+                    | bands, tiles=layout.form == "tiled-exr"))
             to_srgb = srgb_of_spectra(nm)
             yield (lambda first, mean: write(first, np.dstack([mean @ to_srgb, mean]))) \
                 if colours else write
@@ -174,7 +169,8 @@ def layer_rows(name: str, path: Path, size: tuple[int, int], layout: PictureLayo
 
 def zarr_facts(name: str, responses: np.ndarray | None) -> tuple[dict[str, Any], float]:
     """Attributes of a Zarr image of the mean or of the standard deviation, and its brightest."""
-    return {QUANTITY: QUANTITIES[name]} | _response_facts(name, responses), BRIGHTEST[name]
+    return {spectral_layers.QUANTITY: QUANTITIES[name]} | _response_facts(
+        name, responses), BRIGHTEST[name]
 
 
 def _response_facts(name: str, responses: np.ndarray | None) -> dict[str, Any]:

@@ -17,13 +17,7 @@ from spectrabox.measure.pictures.lit_photo import LitPhoto
 from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
 from spectrabox.measure.pictures.pixel_spectra import row_blocks
 from spectrabox.measure.pictures.shown_bands import shown_bands
-from spectrabox.measure.regions.flat_signals import (
-    common_to_photos,
-    dark_bands,
-    first_of_response,
-    lamp_of,
-    stray_light,
-)
+from spectrabox.measure.regions import flat_signals
 from spectrabox.measure.regions.white import FlatErrors, FlatPhoto, white_at_regions
 from spectrabox.radiometry.covariance import block_diagonal
 from spectrabox.radiometry.error_model import DISAGREEMENT
@@ -82,22 +76,25 @@ def stack_photos(photos: Sequence[PicturePhoto], between: Between,
         As ``white.white_at_regions``.
     """
     flat = [each.photo for each in photos]
-    of_photo = first_of_response([photo.response for photo in flat])
+    of_photo = flat_signals.first_of_response([photo.response for photo in flat])
     distinct = sorted(set(of_photo))
     parts = [_averaged([_at_nodes(each, known, errors) for each, first
                         in zip(photos, of_photo, strict=True) if first == number], between)
              for number in distinct]
     nodes, bands = parts[0].white.shape
-    lamps = np.repeat([lamp_of(flat, number) for number in distinct], bands).astype(object)
+    lamps = np.repeat([flat_signals.lamp_of(flat, number) for number in distinct],
+                      bands).astype(object)
     white = np.ones(len(lamps))
 
     log = _blocks([part.log for part in parts])
     for cause in dict.fromkeys(cause for part in parts for cause in part.causes):
         none = np.zeros((nodes, bands, bands))
-        log += [common_to_photos(cause, node, white, lamps, errors.disagreement) for node
-                in _blocks([part.causes.get(cause, none) for part in parts])]
+        log += [
+            flat_signals.common_to_photos(cause, node, white, lamps, errors.disagreement)
+            for node in _blocks([part.causes.get(cause, none) for part in parts])
+        ]
     disagreement = block_diagonal(*[errors.disagreement.among_bands(bands)] * len(parts))
-    relative = disagreement + common_to_photos(
+    relative = disagreement + flat_signals.common_to_photos(
         DISAGREEMENT, disagreement, white, lamps, errors.disagreement)
     response = np.vstack([flat[number].response for number in distinct])
     glare, photo_of_band = np.concatenate([part.glare for part in parts]), np.repeat(distinct,
@@ -111,7 +108,7 @@ def stack_photos(photos: Sequence[PicturePhoto], between: Between,
         gloss_states(surface, lamps.tolist()), relative,
         [[photo.calibration for photo in flat]], photo_of_band, response[None], prior),
         shown=shown_bands(image, glare, photo_of_band, np.concatenate([
-            dark_bands(part.white[0]) | flat[number].lost_bands
+            flat_signals.dark_bands(part.white[0]) | flat[number].lost_bands
             for number, part in zip(distinct, parts, strict=True)])))
 
 
@@ -126,10 +123,12 @@ def _at_nodes(each: PicturePhoto, known: Mapping[str, np.ndarray],
     by_cause = [white.errors(node, np.ones(bands)) for node in nodes]
     typical = nodes[np.argsort(white.white[first:, 0])[len(nodes) // 2]]
     return _PhotoAtNodes(
-        each.image, white.white[first:], covariance[:, :bands, :bands],
-        covariance[:, :bands, bands:], white.glare + white.mean[white.glare_part],
-        covariance[0, bands:, bands:] + stray_light(each.photo, white, typical, errors),
-        {cause: np.array([causes[cause] for causes in by_cause]) for cause in by_cause[0]})
+        each.image, white.white[first:], covariance[:, :bands, :bands], covariance[:, :bands,
+                                                                                   bands:],
+        white.glare + white.mean[white.glare_part], covariance[0, bands:, bands:]
+        + flat_signals.stray_light(each.photo, white, typical, errors),
+        {cause: np.array([causes[cause] for causes in by_cause])
+         for cause in by_cause[0]})
 
 
 def _averaged(parts: Sequence[_PhotoAtNodes], between: Between) -> _PhotoAtNodes:

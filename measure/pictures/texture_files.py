@@ -1,7 +1,7 @@
 """Textures of surfaces as files for Mitsuba.
 
 ``texture-NAME.exr`` holds the mean in the layout of ``mean.exr``, for the texture
-``spectral_picture`` (reconstruct/rendering/spectral_texture.py), and
+``spectral_picture`` (reconstruct/rendering/renderer.py), and
 ``texture-NAME-standard_deviation.exr`` its standard deviation; ``textures.xml`` has BSDFs that name
 them.
 """
@@ -12,17 +12,17 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
+from spectrabox.measure.pictures import spectra_files
 from spectrabox.measure.pictures.pixel_spectra import row_blocks
-from spectrabox.measure.pictures.spectra_files import DEVIATION, MEAN, PictureLayout, layer_rows
 from spectrabox.measure.pictures.surface_textures import SurfaceTexture
 from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.system.words import file_stem
-from spectrabox.reconstruct.rendering.spectral_texture import NAME
+from spectrabox.reconstruct.rendering.renderer import NAME
 
 XML = "textures.xml"
 
 
-def write_textures(textures: Iterable[SurfaceTexture], layout: PictureLayout,
+def write_textures(textures: Iterable[SurfaceTexture], layout: spectra_files.PictureLayout,
                    folder: Path) -> tuple[str, ...]:
     """Write textures, and the BSDFs that name them.
 
@@ -43,10 +43,10 @@ def write_textures(textures: Iterable[SurfaceTexture], layout: PictureLayout,
     layout = replace(layout, form="exr")
     for texture in textures:
         stem = f"texture-{file_stem(texture.surface)}"
-        for name, rows, file in ((MEAN, texture.mean, f"{stem}.exr"),
-                                 (DEVIATION, texture.standard_deviation,
-                                  f"{stem}-{DEVIATION}.exr")):
-            with layer_rows(name, folder / file, texture.shape, layout) as write:
+        for name, rows, file in ((spectra_files.MEAN, texture.mean, f"{stem}.exr"),
+                                 (spectra_files.DEVIATION, texture.standard_deviation,
+                                  f"{stem}-{spectra_files.DEVIATION}.exr")):
+            with spectra_files.layer_rows(name, folder / file, texture.shape, layout) as write:
                 for first, last in row_blocks(*texture.shape):
                     write(first, rows(first, last))
             files.append(file)

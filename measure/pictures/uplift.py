@@ -10,26 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.capture.photo.image_rows import PictureRows
-from spectrabox.measure.pictures.pixel_spectra import (
-    KeptWavelengths,
-    PixelBlock,
-    merge_surveys,
-    plan_spectra,
-    require_below_white,
-    row_blocks,
-    survey_rows,
-)
+from spectrabox.measure.pictures import pixel_spectra
 from spectrabox.radiometry.error_model import Errors
 from spectrabox.radiometry.errors import InputError
+from spectrabox.sampling.prior import uplift_table
 from spectrabox.sampling.prior.mixture import LogitMixture
-from spectrabox.sampling.prior.uplift_table import (
-    SIDE,
-    MapParts,
-    Progress,
-    Uplifted,
-    relative_errors,
-    uplift_signals,
-)
 from spectrabox.sampling.spectral_measurement import check_bands
 
 MAX_NOISE = 0.5     # relative: beyond, a signal says next to nothing
@@ -70,27 +55,27 @@ class ImageSource:
         """Relative response (1, K, 61)."""
         return self.relative_response[None]
 
-    def block(self, first: int, last: int) -> PixelBlock:
+    def block(self, first: int, last: int) -> pixel_spectra.PixelBlock:
         """The pixels of rows ``first`` to ``last``."""
         signals = self.image.read(first, last) / self.white
-        return PixelBlock(signals.reshape(-1, self.image.bands), None, None)
+        return pixel_spectra.PixelBlock(signals.reshape(-1, self.image.bands), None, None)
 
     def table_errors(self, light: int, signals: np.ndarray) -> list[Errors]:
         """Errors of signals (n, K)."""
-        return [relative_errors(signals, self.noise)]
+        return [uplift_table.relative_errors(signals, self.noise)]
 
-    def direct(self, block: PixelBlock) -> Uplifted:
+    def direct(self, block: pixel_spectra.PixelBlock) -> uplift_table.Uplifted:
         """Spectra of a block, each pixel by itself."""
         signals = np.clip(block.signals, 0, 1).astype(float)
-        return uplift_signals(self.prior, self.relative_response, signals,
-                              relative_errors(signals, self.noise))
+        return uplift_table.uplift_signals(self.prior, self.relative_response, signals,
+                              uplift_table.relative_errors(signals, self.noise))
 
 
 def uplift_image(image: np.ndarray, relative_response: np.ndarray, prior: LogitMixture,
                  noise: float = 0.01, *, white: np.ndarray | None = None,
-                 kept: KeptWavelengths | None = None, side: int = SIDE,
-                 progress: Progress = lambda share: None,
-                 map_parts: MapParts = map) -> tuple[np.ndarray, np.ndarray]:
+                 kept: pixel_spectra.KeptWavelengths | None = None, side: int = uplift_table.SIDE,
+                 progress: uplift_table.Progress = lambda share: None,
+                 map_parts: uplift_table.MapParts = map) -> tuple[np.ndarray, np.ndarray]:
     """Mean and standard deviation of the spectrum behind every pixel of an image in memory.
 
     Parameters
@@ -129,10 +114,13 @@ def uplift_image(image: np.ndarray, relative_response: np.ndarray, prior: LogitM
         PictureRows(height, width, bands, lambda first, last: image[first:last]),
         np.ones(bands, np.float32) if white is None else white.astype(np.float32),
         relative_response, prior, noise, side)
-    blocks = row_blocks(height, width)
-    survey = merge_surveys(survey_rows(source, *rows) for rows in blocks)
-    require_below_white(survey.above, height * width, "Give what a perfect white reads (white=)")
-    plan = plan_spectra(source, kept or KeptWavelengths(5, full=True), survey, progress, map_parts)
+    blocks = pixel_spectra.row_blocks(height, width)
+    survey = pixel_spectra.merge_surveys(
+        pixel_spectra.survey_rows(source, *rows) for rows in blocks)
+    pixel_spectra.require_below_white(survey.above, height * width,
+                                      "Give what a perfect white reads (white=)")
+    plan = pixel_spectra.plan_spectra(source, kept or pixel_spectra.KeptWavelengths(5, full=True),
+                                      survey, progress, map_parts)
     parts = zip(*(plan.split(plan.values(source, source.block(*rows))) for rows in blocks),
                 strict=True)
     mean, deviation = (np.concatenate(part, dtype=np.float32).reshape(height, width, -1)

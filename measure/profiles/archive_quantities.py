@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.calibrate.colour_profile import D50, ColourTransform, d50_weights
+from spectrabox.calibrate import colour_profile
 from spectrabox.radiometry.appearance import ciede2000, lab_from_xyz
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.photos import PatchSamples
@@ -65,8 +65,9 @@ class ChartColours:
 
 
 def chart_colours(samples: PatchSamples, white: np.ndarray, glare: np.ndarray,
-                  reflectances: np.ndarray, transform: ColourTransform, names: tuple[str, ...],
-                  neutrals: tuple[int, ...], own: ColourTransform | None) -> ChartColours:
+                  reflectances: np.ndarray, transform: colour_profile.ColourTransform,
+                  names: tuple[str, ...], neutrals: tuple[int, ...],
+                  own: colour_profile.ColourTransform | None) -> ChartColours:
     """A chart's patches through a profile.
 
     Parameters
@@ -93,8 +94,8 @@ def chart_colours(samples: PatchSamples, white: np.ndarray, glare: np.ndarray,
     kept = np.flatnonzero(shown)
     return ChartColours(
         tuple(names[index] for index in kept), transform.lab(signals),
-        lab_from_xyz(reflectances[shown] @ d50_weights(FINE_GRID).T, D50),
-        np.sqrt(variance * samples.pixels[shown]),
+        lab_from_xyz(reflectances[shown] @ colour_profile.d50_weights(FINE_GRID).T,
+                     colour_profile.D50), np.sqrt(variance * samples.pixels[shown]),
         tuple(int(np.flatnonzero(kept == index)[0]) for index in neutrals if index in kept),
         None if own is None else own.lab(signals))
 

@@ -1,6 +1,15 @@
-"""Matrices of a camera for other programs (DNG, ACES) and its colour profile under one light, each
-with its spread over draws of the curves.
+"""A camera's profile: matrices, curves and their errors, and matrices of one camera compared.
+
+Matrices of one camera compared: of its measured curves, of those that a chart photo gave, and of
+the photographed chart alone.
+
+All map white-balanced signals under the light of the photo to X, Y, Z under D50, keep white white,
+and are fitted to the same chart in the same way; they differ in where the signals come from. The
+measured curves are as sure as laboratories agree, the fitted ones as their draws say, and the
+photographed signals as patches and model agree in the fit, and as charts differ.
 """
+
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -8,11 +17,32 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.calibrate.colour_profile import ILLUMINANTS, IlluminantMatrices, matrices, target
-from spectrabox.measure.profiles.colour_profile import ColourProfile, Spread
+from spectrabox.calibrate import colour_profile
+from spectrabox.calibrate.chart_calibration import ChartCalibration
+from spectrabox.calibrate.chart_copy import COPY_ERROR
+from spectrabox.calibrate.chart_equations import PatchError, field_terms
+from spectrabox.calibrate.chart_photo import ChartPhoto
+from spectrabox.calibrate.prior.camera_prior import prior_about
+from spectrabox.calibrate.products.lamps import draw_cameras
+from spectrabox.calibrate.sensitivity import CHART_ERROR
+from spectrabox.calibrate.trust import LABORATORY
+from spectrabox.measure.profiles.colour_profile import (
+    FRESH,
+    MATRIX_DEGREE,
+    ColourProfile,
+    Spread,
+    response_of_calibration,
+    response_of_curves,
+)
+from spectrabox.radiometry.appearance import ciede2000, lab_from_xyz
 from spectrabox.radiometry.colour_science import aces_idt
-from spectrabox.radiometry.records.spectra import WavelengthGrid
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
+from spectrabox.radiometry.profile_files import aces_from_d50
+from spectrabox.radiometry.records.spectra import Spectrum, WavelengthGrid
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
+from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
+from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
 FITTED_SET, FRESH_SET = "BabelColor Average", "CES99"   # the second is never seen by the fit
 MAX_IDT_DRAWS = 25          # an ACES matrix takes a search for each
@@ -22,8 +52,8 @@ MAX_IDT_DRAWS = 25          # an ACES matrix takes a search for each
 class CameraMatrices:
     """Matrices of a camera for other programs, each with those of T draws of its curves."""
 
-    fitted: dict[str, IlluminantMatrices]                       # by illuminant
-    drawn: dict[str, tuple[IlluminantMatrices, ...]]
+    fitted: dict[str, colour_profile.IlluminantMatrices]                       # by illuminant
+    drawn: dict[str, tuple[colour_profile.IlluminantMatrices, ...]]
     aces: tuple[np.ndarray, np.ndarray]                         # matrix (3, 3), white balance (3,)
     aces_drawn: tuple[tuple[np.ndarray, np.ndarray], ...]
     idt_light: str
@@ -76,12 +106,17 @@ def camera_matrices(curves: np.ndarray, grid: WavelengthGrid, idt_light: str,
     """
     each = () if draws is None else tuple(draws)
     sets = test_reflectances(grid)
-    targets = {name: target(name, grid, sets[FITTED_SET], (sets[FITTED_SET], sets[FRESH_SET]))
-               for name in ILLUMINANTS}
+    targets = {
+        name: colour_profile.target(name, grid, sets[FITTED_SET],
+                                    (sets[FITTED_SET], sets[FRESH_SET]))
+        for name in colour_profile.ILLUMINANTS
+    }
     return CameraMatrices(
-        {name: matrices(curves, aim) for name, aim in targets.items()},
-        {name: tuple(matrices(draw, aim) for draw in each) for name, aim in targets.items()},
-        aces_idt(grid.nm, curves, idt_light),
+        {name: colour_profile.matrices(curves, aim)
+         for name, aim in targets.items()}, {
+             name: tuple(colour_profile.matrices(draw, aim) for draw in each)
+             for name, aim in targets.items()
+         }, aces_idt(grid.nm, curves, idt_light),
         tuple(aces_idt(grid.nm, draw, idt_light) for draw in each[:MAX_IDT_DRAWS]), idt_light,
         len(each))
 
@@ -98,19 +133,21 @@ class CameraProfile:
     def facts(self) -> dict[str, object]:
         """As ``spectrabox camera profile --json`` names them."""
         matrix, balance = self.matrices.aces_spreads()
-        return {"camera": self.camera, "draws": self.matrices.draws,
-                "illuminants": {name: self.matrices.of_illuminant(name) for name in ILLUMINANTS},
-                "aces_idt": {"light": self.matrices.idt_light,
-                             "draws": len(self.matrices.aces_drawn), "matrix": matrix,
-                             "white_balance": balance},
-                "colour": {"light": self.light, "delta_e00": self.colours.facts()}}
+        return {
+            "camera": self.camera, "draws": self.matrices.draws, "illuminants":
+            {name: self.matrices.of_illuminant(name)
+             for name in colour_profile.ILLUMINANTS}, "aces_idt": {
+                 "light": self.matrices.idt_light, "draws": len(self.matrices.aces_drawn), "matrix":
+                 matrix, "white_balance": balance
+             }, "colour": {"light": self.light, "delta_e00": self.colours.facts()}
+        }
 
     def text(self) -> str:
         """Matrices and colour errors, for a person."""
         known = (f", spread over {self.matrices.draws} draws of the curves" if self.matrices.draws
                  else "; without --draws-file their spread is not known")
-        lines = [f"{self.camera}: matrices for {' and '.join(ILLUMINANTS)}{known}"]
-        for name in ILLUMINANTS:
+        lines = [f"{self.camera}: matrices for {' and '.join(colour_profile.ILLUMINANTS)}{known}"]
+        for name in colour_profile.ILLUMINANTS:
             one = self.matrices.of_illuminant(name)
             lines += [f"ColorMatrix, {name}", *matrix_rows(one.color_matrix),
                       f"ForwardMatrix, {name}", *matrix_rows(one.forward_matrix)]
@@ -128,3 +165,182 @@ def matrix_rows(matrix: Spread) -> list[str]:
         shown = [f"{row}   ± " + " ".join(f"{cell:.4f}" for cell in spread) for row, spread
                  in zip(shown, np.asarray(matrix.standard_deviation), strict=True)]
     return [f"  {row}" for row in shown]
+
+
+# ---- matrices of one camera compared -------------------------------------------------------------
+
+MEASURED, FITTED, PHOTOGRAPHED = "measured curves", "fitted curves", "photographed chart"
+DRAWS = 100
+PERCENTILE = 90
+
+
+@dataclass(frozen=True, eq=False)
+class ComparedMatrix:
+    """A matrix with its spread over what its source may be, and the colours that it gives."""
+
+    source: str
+    matrix: Spread                  # (3, 3) to X, Y, Z under D50
+    aces: Spread                    # (3, 3) to ACES2065-1
+    chart: tuple[Spread, Spread]    # CIEDE2000 of the chart as photographed: mean, 90th percentile
+    fresh: tuple[Spread, Spread]    # of surfaces that no matrix was fitted to
+    apart: float                    # mean CIEDE2000 from the first matrix, of the same surfaces
+
+    def facts(self) -> dict[str, object]:
+        """As numbers."""
+        named = ("mean", f"percentile_{PERCENTILE}")
+        return {"source": self.source, "matrix": self.matrix, "aces": self.aces,
+                "chart": dict(zip(named, self.chart, strict=True)),
+                "fresh": dict(zip(named, self.fresh, strict=True)), "apart": self.apart}
+
+
+@dataclass(frozen=True, eq=False)
+class ComparedMatrices:
+    """Matrices from several sources, and by which curves fresh surfaces were judged."""
+
+    rows: tuple[ComparedMatrix, ...]
+    judge: str
+
+    def text(self) -> str:
+        """The matrices and their colour errors, for a person."""
+        lines = [f"CIEDE2000 under D50, mean and {PERCENTILE}th percentile: the chart as "
+                 f"photographed; {FRESH}, as the {self.judge} see them; how far from the first "
+                 "matrix these are"]
+        for row in self.rows:
+            lines.append(f"{row.source}: chart {row.chart[0].words}, {row.chart[1].words}; "
+                         f"{FRESH} {row.fresh[0].words}, {row.fresh[1].words}; {row.apart:.2f} "
+                         "from the first")
+            lines += matrix_rows(row.matrix)
+        return "\n".join(lines)
+
+
+def compare_matrices(calibration: ChartCalibration, photo: ChartPhoto,
+                     measured: np.ndarray | None = None, seed: int = 0) -> ComparedMatrices:
+    """Matrices by measured curves, by fitted ones and by the photographed chart.
+
+    Parameters
+    ----------
+    calibration : ChartCalibration
+        Of three bands.
+    photo : ChartPhoto
+        The first that it was made from.
+    measured : (3, P) array, optional
+        Curves on FINE_GRID. Then they judge fresh surfaces too; the fitted ones do otherwise.
+    seed : int
+        Of the draws.
+
+    Raises
+    ------
+    InputError
+        If the camera has other than three bands, or the light of measured curves is not stated.
+    """
+    if photo.samples.mean.shape[1] != 3:
+        raise InputError(f"the camera has {photo.samples.mean.shape[1]} bands; matrices are of "
+                         "three: R, G and B")
+    rng = np.random.default_rng(seed)
+    fitted, fitted_draws = response_of_calibration(calibration.calibration)
+    responses = {FITTED: (fitted, fitted[None] if fitted_draws is None else fitted_draws)}
+    if measured is not None:
+        responses = {MEASURED: _measured_response(measured, photo, rng), **responses}
+    judge, (judging, _) = next(iter(responses.items()))
+
+    used = photo.used & ~photo.samples.clipped.any(axis=1)
+    patches = calibration.reflectances[used][:, np.searchsorted(FINE_GRID.nm, PRIOR_GRID.nm)]
+    shown, balance_error = photographed_signals(calibration, photo)
+    shown = shown[used]
+    signals = {name: (patches @ response.T, patches @ draws.swapaxes(1, 2))
+               for name, (response, draws) in responses.items()}
+    signals[PHOTOGRAPHED] = (shown, _as_they_may_be(
+        shown, calibration, COPY_ERROR if photo.editions else CHART_ERROR, balance_error, rng))
+
+    to_xyz, fresh = colour_profile.d50_weights(PRIOR_GRID).T, test_reflectances(PRIOR_GRID)[FRESH]
+    xyz, seen = patches @ to_xyz, fresh @ judging.T
+    rows: list[ComparedMatrix] = []
+    others: np.ndarray | None = None
+    for name, (of_source, draws) in signals.items():
+        central = colour_profile.transform_of_signals(of_source, xyz, MATRIX_DEGREE)
+        each = [colour_profile.transform_of_signals(one, xyz, MATRIX_DEGREE) for one in draws]
+        others = central.lab(seen) if others is None else others
+        rows.append(ComparedMatrix(
+            name, _with_spread(central, each, np.eye(3)),
+            _with_spread(central, each, aces_from_d50()),
+            _colour_errors(central, each, shown, lab_from_xyz(xyz, colour_profile.D50)),
+            _colour_errors(central, each, seen, lab_from_xyz(fresh @ to_xyz, colour_profile.D50)),
+            float(ciede2000(central.lab(seen), others).mean())))
+    return ComparedMatrices(tuple(rows), judge)
+
+
+def _measured_response(curves: np.ndarray, photo: ChartPhoto, rng: np.random.Generator
+                       ) -> tuple[np.ndarray, np.ndarray]:
+    """Response (3, 61) of measured curves, and draws of it as laboratories differ."""
+    if not isinstance(photo.light, Spectrum):
+        raise InputError(f"the photo has an {photo.light.words}, under which measured curves give "
+                         "no signals; state its spectrum")
+    power = spectrum_on_grid(photo.light, FINE_GRID)
+    prior = prior_about(FINE_GRID, curves, LABORATORY, "measured curves")
+    drawn = draw_cameras(prior, DRAWS, rng) @ interpolation_matrix(prior.nm, FINE_GRID.nm).T
+    return (response_of_curves(curves, power, FINE_GRID),
+            response_of_curves(drawn, power, FINE_GRID))
+
+
+def _as_they_may_be(signals: np.ndarray, calibration: ChartCalibration, chart_error: float,
+                    balance_error: float, rng: np.random.Generator) -> np.ndarray:
+    """Draws (T, n, 3) of photographed signals, as far as patches and model disagree in the fit, as
+    levels of patches differ from chart to chart, and as greys are not quite grey.
+    """
+    fit = calibration.prior_fit
+    error = PatchError(0.0) if fit is None else fit.patch_error
+    return np.asarray(signals * np.exp(
+        error.own * rng.standard_normal((DRAWS, *signals.shape))
+        + np.hypot(error.common, chart_error) * rng.standard_normal((DRAWS, len(signals), 1))
+        + balance_error * rng.standard_normal((DRAWS, 1, 3))))
+
+
+def photographed_signals(calibration: ChartCalibration, photo: ChartPhoto
+                         ) -> tuple[np.ndarray, float]:
+    """Signals (I, 3) of a photographed chart relative to white: glare off, the light made even as
+    the fit found it, and balanced by the chart's neutral patches; and the relative error of that
+    balance, by how far X, Y and Z of these are from grey.
+
+    Parameters
+    ----------
+    calibration : ChartCalibration
+    photo : ChartPhoto
+
+    Raises
+    ------
+    InputError
+        If the photo shows no neutral patch.
+    """
+    white, lit = calibration.white, photo.irradiance_or_pi / np.pi
+    signal = photo.samples.mean
+    if white is not None:
+        signal = signal - white.glare
+        if white.field.size:
+            lit = lit * np.exp(field_terms(photo.chart.centres_uv) @ white.field)
+    signal = signal / lit[:, None]
+    neutrals = [patch for patch in photo.chart.neutrals
+                if photo.used[patch] and not photo.samples.clipped[patch].any()]
+    if not neutrals:
+        raise InputError(f"a {photo.chart.name} shows no neutral patch that its photo could be "
+                         "balanced by")
+    # red sees of a grey that is not quite about what X does, green Y, and blue Z
+    grey = calibration.reflectances[neutrals] @ colour_profile.d50_weights(
+        FINE_GRID).T / colour_profile.D50
+    balance = (grey * signal[neutrals]).sum(axis=0) / (grey**2).sum(axis=0)
+    return signal / balance, float(np.log(grey.sum(axis=0)).std(ddof=1))
+
+
+def _with_spread(central: colour_profile.ColourTransform,
+                 each: list[colour_profile.ColourTransform], onward: np.ndarray) -> Spread:
+    """A matrix, led on by another, and its standard deviation."""
+    return spread_over(onward @ central.coefficients, [onward @ one.coefficients for one in each])
+
+
+def _colour_errors(central: colour_profile.ColourTransform,
+                   each: list[colour_profile.ColourTransform], signals: np.ndarray,
+                   truth: np.ndarray) -> tuple[Spread, Spread]:
+    """Mean and high percentile of CIEDE2000 against L*, a*, b* (n, 3), with their spreads."""
+    figures = [(float(errors.mean()), float(np.percentile(errors, PERCENTILE))) for errors in (
+        ciede2000(one.lab(signals), truth) for one in (central, *each))]
+    mean, high = (spread_over(value, drawn) for value, *drawn in zip(*figures, strict=True))
+    return mean, high

@@ -1,12 +1,16 @@
-"""A camera's colour profile under one light, with the errors to expect of it.
+"""A colour profile of a finished calibration, and a photo with its colours.
+
+A camera's colour profile under one light, with the errors to expect of it.
 
 Its transforms are fitted to surfaces drawn from the prior of the stated families, and judged on
 others. The spread of an error is that over draws of the camera's response: the profile stays, and
 each draw is a camera that the calibration allows.
 """
+
+
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,18 +21,17 @@ from spectrabox.calibrate.colour_profile import (
     fit_transform,
     stated_transform,
 )
+from spectrabox.measure.pictures.crop import crop_of, node_grid
+from spectrabox.measure.regions.white import FlatErrors, FlatPhoto, white_at_regions
 from spectrabox.radiometry.error_model import curve_errors, light_errors
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
+from spectrabox.radiometry.interreflection import relative_response
+from spectrabox.radiometry.profile_files import LabSpace, RgbSpace
 from spectrabox.radiometry.records.calibration import Calibration
+from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.records.spectra import WavelengthGrid
-from spectrabox.radiometry.response import relative_response
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
-from spectrabox.sampling.prior.mixture import (
-    PRIOR_GRID,
-    drawn_reflectances,
-    load_prior,
-    of_families,
-)
+from spectrabox.sampling.prior import mixture
 
 STATED, MATRIX, TABLE = "camera's own matrix", "matrix", "table"
 CHART, FRESH = "BabelColor Average", "CES99"    # the second is of measured surfaces, never fitted
@@ -115,15 +118,16 @@ def colour_profile(response: np.ndarray, draws: np.ndarray | None = None,
     """
     response = _relative(response)
     cameras = response[None] if draws is None else _relative(draws)[:JUDGED_DRAWS]
-    surfaces = drawn_reflectances(of_families(load_prior(), families), FITTED + JUDGED)
+    surfaces = mixture.drawn_reflectances(mixture.of_families(mixture.load_prior(), families),
+                                          FITTED + JUDGED)
     surfaces = np.random.default_rng(SEED).permutation(surfaces)
     fitted, judged = surfaces[:FITTED], surfaces[FITTED:]
     known = response[None] if draws is None else np.concatenate(
         [response[None], cameras[:FITTED_DRAWS]])
     transforms = {} if camera_from_xyz is None else {STATED: stated_transform(camera_from_xyz)}
-    transforms |= {MATRIX: fit_transform(known, fitted, PRIOR_GRID, MATRIX_DEGREE),
-                   TABLE: fit_transform(known, fitted, PRIOR_GRID, TABLE_DEGREE)}
-    tests = test_reflectances(PRIOR_GRID)
+    transforms |= {MATRIX: fit_transform(known, fitted, mixture.PRIOR_GRID, MATRIX_DEGREE),
+                   TABLE: fit_transform(known, fitted, mixture.PRIOR_GRID, TABLE_DEGREE)}
+    tests = test_reflectances(mixture.PRIOR_GRID)
     kinds = ", ".join(families) if families else "any family"
     sets = {CHART: tests[CHART], f"{JUDGED} surfaces of {kinds}": judged, FRESH: tests[FRESH]}
     errors = {name: {of: _error(transform, cameras, reflectances)
@@ -144,8 +148,8 @@ def response_of_calibration(calibration: Calibration
     """
     response = relative_response(calibration, FINE_GRID)
     errors = curve_errors(calibration, FINE_GRID).together_with(
-        light_errors(calibration, FINE_GRID, response)).at(PRIOR_GRID.nm, FINE_GRID)
-    on_prior = response @ interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm)
+        light_errors(calibration, FINE_GRID, response)).at(mixture.PRIOR_GRID.nm, FINE_GRID)
+    on_prior = response @ interpolation_matrix(mixture.PRIOR_GRID.nm, FINE_GRID.nm)
     count = errors.by_spectrum.shape[2]
     if count == 0:
         return on_prior, None
@@ -156,7 +160,7 @@ def response_of_calibration(calibration: Calibration
 def response_of_curves(curves: np.ndarray, power: np.ndarray, grid: WavelengthGrid) -> np.ndarray:
     """Response (..., 3, 61) on ``PRIOR_GRID`` of curves (..., 3, P) under a light (P,)."""
     weights = curves * power * grid.weights_nm
-    return _relative(weights @ interpolation_matrix(PRIOR_GRID.nm, grid.nm))
+    return _relative(weights @ interpolation_matrix(mixture.PRIOR_GRID.nm, grid.nm))
 
 
 def _relative(response: np.ndarray) -> np.ndarray:
@@ -165,9 +169,57 @@ def _relative(response: np.ndarray) -> np.ndarray:
 
 def _error(transform: ColourTransform, cameras: np.ndarray, surfaces: np.ndarray) -> ColourError:
     """Means over the cameras that it may be, and their standard deviations."""
-    errors = np.array([colour_errors(transform, response, surfaces, PRIOR_GRID)
+    errors = np.array([colour_errors(transform, response, surfaces, mixture.PRIOR_GRID)
                        for response in cameras])
     figures = np.column_stack([errors.mean(axis=1), np.percentile(errors, 95, axis=1)])
     mean, high = figures.mean(axis=0).tolist()
     spread = [None, None] if len(cameras) == 1 else figures.std(axis=0, ddof=1).tolist()
     return ColourError(mean, high, *spread)
+
+
+# ---- a photo of flat samples as a picture for colour management ----------------------------------
+
+COLUMNS = 24                # of the nodes at which white is computed
+ROWS = 128                  # that are converted at once
+
+
+def relative_signals(photo: LinearImage, lit: FlatPhoto, known: Mapping[str, np.ndarray],
+                     errors: FlatErrors) -> Iterator[np.ndarray]:
+    """Signals (rows, W, K) relative to white at each pixel, some rows at a time.
+
+    Parameters
+    ----------
+    photo : LinearImage
+        At its full size.
+    lit : FlatPhoto
+        The same with its chart and its light.
+    known : mapping
+        From names of regions to their known reflectances (P,).
+    errors : FlatErrors
+    """
+    crop = crop_of(photo, None)
+    nodes_px, between = node_grid(crop, COLUMNS)
+    white = white_at_regions(lit, known, errors, nodes_px)
+    assert white is not None, "the first photo shows regions"
+    log_white = np.log(white.white[-len(nodes_px):])        # the nodes stand after the regions
+    glare = white.glare + white.mean[white.glare_part]
+    for first in range(0, len(photo.signal), ROWS):
+        rows = photo.signal[first:first + ROWS]
+        there = np.exp(between(first, first + len(rows)) @ log_white)
+        yield (rows - glare) / there.reshape(rows.shape)
+
+
+def colour_picture(signals: Iterator[np.ndarray], transform: ColourTransform,
+                   space: RgbSpace | LabSpace) -> tuple[np.ndarray, float]:
+    """Code values (H, W, 3) uint16 of a picture, and the share of its pixels that were clipped.
+
+    Parameters
+    ----------
+    signals : iterator of (rows, W, 3) arrays
+        Relative to white.
+    transform : ColourTransform
+    space : RgbSpace or LabSpace
+    """
+    parts = [space.code_values(transform.xyz(rows)) for rows in signals]
+    picture, clipped = (np.concatenate(each) for each in zip(*parts, strict=True))
+    return picture, float(clipped.mean())

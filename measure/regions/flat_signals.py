@@ -12,23 +12,7 @@ from spectrabox.measure.regions.moved_lamp import gloss_and_level
 from spectrabox.measure.regions.white import FlatErrors, FlatPhoto, PhotoWhite, white_at_regions
 from spectrabox.measure.surfaces.surface_signals import measurement, with_errors
 from spectrabox.measure.surfaces.surface_spectra import DrawOptions, sample_surfaces
-from spectrabox.radiometry.error_model import (
-    DISAGREEMENT,
-    FILTER,
-    GLARE,
-    LIGHT_FIELD,
-    LIGHT_SPECTRUM,
-    PHOTO_NOISE,
-    SAMPLE_PLANE,
-    SENSITIVITIES,
-    SURFACE_REFLECTION,
-    added_covariance,
-    filter_covariance,
-    glare_signal,
-    light_covariance,
-    proportional_covariance,
-    sensitivity_covariance,
-)
+from spectrabox.radiometry import error_model
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.gloss import SAME_SURFACE, gloss_states
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
@@ -49,8 +33,10 @@ USUAL_VEIL, UNEVEN_VEIL = 0.03, 0.3
 # whatever the filter; and under another lamp. All tell the light at a region by the same patches,
 # whose errors grow with the distance from the chart (benchmarks/bench_light_field.py); what a
 # surface mirrors is half its own, half the lamp's position.
-SHARED_BY_PHOTOS = {SAMPLE_PLANE: (1.0, 0.0), SURFACE_REFLECTION: (1.0, SAME_SURFACE),
-                    LIGHT_FIELD: (0.95, 0.6)}
+SHARED_BY_PHOTOS = {
+    error_model.SAMPLE_PLANE: (1.0, 0.0), error_model.SURFACE_REFLECTION: (1.0, SAME_SURFACE),
+    error_model.LIGHT_FIELD: (0.95, 0.6)
+}
 
 
 def flat_signals(photos: Sequence[FlatPhoto], whites: Sequence[PhotoWhite | None],
@@ -123,19 +109,19 @@ def flat_signals(photos: Sequence[FlatPhoto], whites: Sequence[PhotoWhite | None
                         for index, name in enumerate(names)])
     moved = any(photos[number].moved for number in distinct)
     states = tuple(gloss_and_level(errors.surfaces.get(name), signal[index], lamp_of_band,
-                                   causes[SAMPLE_PLANE][index]) if moved
+                                   causes[error_model.SAMPLE_PLANE][index]) if moved
                    else gloss_states(errors.surfaces.get(name), lamp_of_band)
                    for index, name in enumerate(names))
     if moved:
-        del causes[SAMPLE_PLANE]        # it is the level of the states
+        del causes[error_model.SAMPLE_PLANE]        # it is the level of the states
     signals = SurfaceSignals(names, tuple(name in known for name in names), FINE_GRID, spectra,
                              labels, np.repeat(distinct, count), response, signal, (), states)
     filled = dataclasses.replace(signals, signal=np.nan_to_num(signal))
     calibrations = [photo.calibration for photo in photos]
-    causes[SENSITIVITIES] = sensitivity_covariance(calibrations, filled)
-    causes[LIGHT_SPECTRUM] = light_covariance(calibrations, filled)
+    causes[error_model.SENSITIVITIES] = error_model.sensitivity_covariance(calibrations, filled)
+    causes[error_model.LIGHT_SPECTRUM] = error_model.light_covariance(calibrations, filled)
     if any(calibration.filter is not None for calibration in calibrations):
-        causes[FILTER] = filter_covariance(calibrations, filled)
+        causes[error_model.FILTER] = error_model.filter_covariance(calibrations, filled)
     return with_errors(signals, causes)
 
 
@@ -160,13 +146,13 @@ def errors_of_region(name: str, shown: Sequence[tuple[FlatPhoto, PhotoWhite]],
     for row, (photo, white) in zip(rows, shown, strict=True):
         signal = white.signal[row]
         parts.append({**white.errors(row),
-                      GLARE: stray_light(photo, white, row, errors)
+                      error_model.GLARE: stray_light(photo, white, row, errors)
                       / np.outer(white.white[row], white.white[row]),
-                      DISAGREEMENT: proportional_covariance(
+                      error_model.DISAGREEMENT: error_model.proportional_covariance(
                           signal, errors.disagreement.among_bands(signal.size))})
     causes = dict.fromkeys(cause for part in parts for cause in part)
     zero = np.zeros_like(noise)
-    return {PHOTO_NOISE: noise, **{
+    return {error_model.PHOTO_NOISE: noise, **{
         cause: np.mean([part.get(cause, zero) for part in parts], axis=0) for cause in causes}}
 
 
@@ -184,10 +170,10 @@ def stray_light(photo: FlatPhoto, white: PhotoWhite, row: int, errors: FlatError
         Of the region.
     errors : FlatErrors
     """
-    veil = glare_signal(errors.glare, photo.image.signal.mean(axis=(0, 1)))
+    veil = error_model.glare_signal(errors.glare, photo.image.signal.mean(axis=(0, 1)))
     haze = UNEVEN_VEIL * np.maximum(white.glare - USUAL_VEIL * white.white[row], 0)
-    return added_covariance(veil) + added_covariance(haze) \
-        + added_covariance(errors.chart_gloss * white.white[row])
+    return error_model.added_covariance(veil) + error_model.added_covariance(haze) \
+        + error_model.added_covariance(errors.chart_gloss * white.white[row])
 
 
 def _silent_bands(white: PhotoWhite, name: str) -> np.ndarray:
@@ -224,7 +210,7 @@ def common_to_photos(cause: str, covariance: np.ndarray, signal: np.ndarray, lam
     disagreement : PatchError
     """
     one_lamp = lamps[:, None] == lamps
-    if cause == DISAGREEMENT:
+    if cause == error_model.DISAGREEMENT:
         common = disagreement.common * signal
         share = one_lamp.astype(float)
     else:

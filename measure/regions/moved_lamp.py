@@ -18,12 +18,7 @@ from scipy.special import chdtrc
 from spectrabox.radiometry.error_model import SAMPLE_PLANE
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.gloss import gloss_states
-from spectrabox.radiometry.records.spectra import SurfaceSignals
-from spectrabox.radiometry.records.states import (
-    CaptureStates,
-    StateEstimate,
-    independent_states,
-)
+from spectrabox.radiometry.records import spectra
 
 LEVEL = "level"
 # Relative: mean and standard deviation of how far the light on a sample is off what the chart's
@@ -40,7 +35,7 @@ SAME = 1e-9             # of white: responses closer than this are one
 
 
 def gloss_and_level(stated: str | None, signal: np.ndarray, places: Sequence[str],
-                    plane: np.ndarray) -> CaptureStates:
+                    plane: np.ndarray) -> spectra.CaptureStates:
     """What a sample may mirror, and how far the light on it may be from what the chart's gives, in
     each place of the lamps.
 
@@ -59,10 +54,11 @@ def gloss_and_level(stated: str | None, signal: np.ndarray, places: Sequence[str
     of_place = np.array([[place == at for at in distinct] for place in places], float)
     relative = np.divide(np.diag(plane), seen**2, out=np.zeros(seen.size), where=seen != 0)
     usual = np.array([relative[column > 0].max() for column in of_place.T])
-    return independent_states(_gloss(stated, places), _level(seen[:, None] * of_place, usual))
+    return spectra.independent_states(_gloss(stated, places), _level(seen[:, None] * of_place,
+                                                                     usual))
 
 
-def _gloss(stated: str | None, places: Sequence[str]) -> CaptureStates:
+def _gloss(stated: str | None, places: Sequence[str]) -> spectra.CaptureStates:
     """What a sample may mirror in each place of the lamps."""
     once = gloss_states(stated, places)
     count, variances = len(once.names), np.diagonal(once.covariances, axis1=1, axis2=2)
@@ -73,7 +69,7 @@ def _gloss(stated: str | None, places: Sequence[str]) -> CaptureStates:
         means=np.tile(once.means, (2, 1)), covariances=np.concatenate(covariances))
 
 
-def _level(pattern: np.ndarray, usual: np.ndarray) -> CaptureStates:
+def _level(pattern: np.ndarray, usual: np.ndarray) -> spectra.CaptureStates:
     """How far the light may be off: as usual in all places, beyond it in one, or in all.
 
     Parameters
@@ -85,7 +81,7 @@ def _level(pattern: np.ndarray, usual: np.ndarray) -> CaptureStates:
     """
     count = usual.size
     off = np.vstack([np.zeros(count), np.eye(count), np.ones(count)])
-    return CaptureStates(
+    return spectra.CaptureStates(
         tuple(LEVEL if number == 0 else f"{LEVEL} {number + 1}" for number in range(count)),
         (SAMPLE_PLANE,) * count, pattern, np.full(count, -1.0), ("",) * len(off),
         np.r_[1 - OFF_IN_ONE - OFF_IN_ALL, np.full(count, OFF_IN_ONE / count), OFF_IN_ALL],
@@ -109,8 +105,8 @@ class InPlace:
                 f"{100 * self.level:+.0f} ± {100 * self.level_error:.0f} %")
 
 
-def found_in_places(signals: SurfaceSignals, index: int,
-                    found: StateEstimate | None) -> tuple[InPlace, ...]:
+def found_in_places(signals: spectra.SurfaceSignals, index: int,
+                    found: spectra.StateEstimate | None) -> tuple[InPlace, ...]:
     """Gloss and level of a sample in each place of a moved lamp; none where none was moved.
 
     Parameters
@@ -130,7 +126,7 @@ def found_in_places(signals: SurfaceSignals, index: int,
                  for band, gloss, level in zip(first, values[:count], values[count:], strict=True))
 
 
-def differences_of_photos(signals: SurfaceSignals,
+def differences_of_photos(signals: spectra.SurfaceSignals,
                           photos: Sequence[str]) -> tuple[Finding, ...]:
     """Samples that differ between photos with the lamp in two places, each with the likely cause.
 
@@ -146,7 +142,7 @@ def differences_of_photos(signals: SurfaceSignals,
                  for one in _compared(signals, index, name, first, other, photos))
 
 
-def _pairs(signals: SurfaceSignals, index: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+def _pairs(signals: spectra.SurfaceSignals, index: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Bands (K,) of a photo, and the same bands of a later one, where both show a sample."""
     seen = np.isfinite(signals.signal[index])
     views = list(dict.fromkeys(signals.view_of_band.tolist()))
@@ -161,8 +157,8 @@ def _pairs(signals: SurfaceSignals, index: int) -> Iterator[tuple[np.ndarray, np
                 yield first[both], other[both]
 
 
-def _compared(signals: SurfaceSignals, index: int, name: str, first: np.ndarray, other: np.ndarray,
-              photos: Sequence[str]) -> Iterator[Finding]:
+def _compared(signals: spectra.SurfaceSignals, index: int, name: str, first: np.ndarray,
+              other: np.ndarray, photos: Sequence[str]) -> Iterator[Finding]:
     """What the difference of a sample's signals in two photos says, if anything."""
     states, signal = signals.states[index], signals.signal[index]
     contrast = np.zeros((first.size, signal.size))

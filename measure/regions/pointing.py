@@ -11,15 +11,16 @@ from functools import cached_property
 
 import numpy as np
 
-from spectrabox.capture.photo.binning import thumbnail
+from spectrabox.capture.photo.preview import thumbnail
 from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.capture.photo.registration import find_edges
-from spectrabox.measure.captured import FlatCapture, Region, View
+from spectrabox.measure import captured
 from spectrabox.measure.opened_photos import OpenPhotos
 from spectrabox.measure.records import CaptureRecords, PhotoRecords
 from spectrabox.measure.regions.flat_signals import RegionSignal, signal_of_region
 from spectrabox.measure.regions.white import FlatErrors, FlatPhoto
-from spectrabox.measure.steps.photos import THUMBNAIL_WIDTH, outlines_in, registration_of
+from spectrabox.measure.steps.photos import PHOTO_THUMBNAIL_WIDTH as THUMBNAIL_WIDTH
+from spectrabox.measure.steps.photos import outlines_in, registration_of
 from spectrabox.measure.steps.signals import flat_errors, flat_photos
 from spectrabox.measure.surfaces.surface_spectra import DrawOptions
 from spectrabox.radiometry.records.photos import LinearImage, RegionSamples, Registration
@@ -38,7 +39,7 @@ class CalibratedPhotos:
     registrations: Mapping[str, Registration | None]    # of further photos to the first
 
 
-def calibrated_photos(capture: FlatCapture, records: CaptureRecords,
+def calibrated_photos(capture: captured.FlatCapture, records: CaptureRecords,
                       images: Mapping[str, LinearImage]) -> CalibratedPhotos:
     """Photos that are open and records of their calibration, put together.
 
@@ -73,7 +74,7 @@ class PointedSample:
         Of a capture with the same photos, chart and lights; its regions may have been others.
     """
 
-    capture: FlatCapture
+    capture: captured.FlatCapture
     calibrated: CalibratedPhotos
 
     @cached_property
@@ -87,7 +88,7 @@ class PointedSample:
         return {view.name: self._sampled(self.capture, view, self.capture.known)
                 for view in self.capture.views}
 
-    def _sampled(self, capture: FlatCapture, view: View,
+    def _sampled(self, capture: captured.FlatCapture, view: captured.View,
                  names: Iterable[str]) -> RegionSamples | None:
         wanted = {*names}
         outlines = {name: outline for name, outline in outlines_in(
@@ -95,7 +96,7 @@ class PointedSample:
         return sample_regions(self.calibrated.images[view.name], outlines,
                               without_clipped=len(capture.views) > 1) if outlines else None
 
-    def signal(self, name: str, region: Region) -> RegionSignal:
+    def signal(self, name: str, region: captured.Region) -> RegionSignal:
         """The signal of a region, which need not be one of the capture.
 
         Parameters
@@ -123,7 +124,7 @@ class PointedSample:
             chosen.method, chosen.draws, chosen.coefficients, chosen.level,
             self.capture.seed + list(self.capture.regions).index(name)))
 
-    def pointed(self, region: Region) -> tuple[RegionSignal, SignalPosterior]:
+    def pointed(self, region: captured.Region) -> tuple[RegionSignal, SignalPosterior]:
         """Signal and spectrum of any part of a photo, the spectrum in closed form.
 
         Parameters

@@ -14,25 +14,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from spectrabox.calibrate import light_field
 from spectrabox.calibrate.chart_equations import PatchError
-from spectrabox.calibrate.light_field import LightAtRegions, PicturePoints, light_at_regions
-from spectrabox.radiometry.chart import Chart, plane_centres, plane_from_picture, projected
+from spectrabox.radiometry import chart, error_model
 from spectrabox.radiometry.covariance import common_variance, symmetric
-from spectrabox.radiometry.error_model import (
-    LIGHT_FIELD,
-    PLANE_ERROR,
-    REPEATABILITY,
-    ROUNDED_EXPOSURES,
-    SAMPLE_PLANE,
-    WHITE,
-    proportional_covariance,
-)
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.interreflection import relative_response
 from spectrabox.radiometry.light_scale import exposure_ratio, rounding_error
 from spectrabox.radiometry.records.calibration import Calibration, ChartWhite
 from spectrabox.radiometry.records.photos import LinearImage, RegionSamples
-from spectrabox.radiometry.response import relative_response
 
 OTHER_COLOUR, SIGMAS = 0.04, 4.0    # relative and in standard errors: the light is another
 LEVEL_DOUBTED, LEVEL_REFUSED = 3.0, 5.0     # standard errors between a known level and the light's
@@ -49,7 +40,7 @@ class FlatPhoto:
     chart_image: LinearImage        # of the chart photo, likewise
     chart_in_photo: bool            # both are one photo
     patches_px: np.ndarray          # (I, 4, 2) corners of the patches in the chart photo
-    layout: Chart
+    layout: chart.Chart
     white: ChartWhite               # in the chart photo
     calibration: Calibration        # of the camera under this light
     lamp: str | None = None         # the same for photos under one lamp that stayed; None: its own
@@ -76,7 +67,8 @@ class FlatErrors:
     glare: float                    # standard error, of the mean signal of a photo
     disagreement: PatchError        # of the model and a surface, as the chart's patches show it
     flat_field: bool = False        # the photos were divided by that of a white card
-    plane: float = PLANE_ERROR      # relative standard error of the light in the samples' plane
+    # relative standard error of the light in the samples' plane
+    plane: float = error_model.PLANE_ERROR
     # region -> what is stated of its surface, of gloss.KINDS
     surfaces: Mapping[str, str] = dataclasses.field(default_factory=dict)
     # known region -> relative standard error of its stated reflectance
@@ -95,7 +87,7 @@ class PhotoWhite:
     """
 
     samples: RegionSamples
-    region_light: LightAtRegions
+    region_light: light_field.LightAtRegions
     exposure: float                     # of this photo relative to the chart's
     glare: np.ndarray                   # (K,) signal in this photo
     causes: tuple[str, ...]
@@ -161,7 +153,7 @@ class PhotoWhite:
     @property
     def field_error(self) -> np.ndarray:
         """Relative standard error (R,) of the light on each region, its plane's among it."""
-        plane = self.exposure_part.start + self.causes.index(SAMPLE_PLANE)
+        plane = self.exposure_part.start + self.causes.index(error_model.SAMPLE_PLANE)
         rows = np.eye(self.mean.size)[self.field_part]
         rows[:, plane] = 1
         return np.asarray(np.sqrt(np.einsum("rz,zy,ry->r", rows, self.covariance, rows)))
@@ -218,8 +210,11 @@ class PhotoWhite:
         steps = np.maximum(np.diff(common), 0.0)
         steps *= min(1.0, common[-1] / max(float(steps.sum()), np.finfo(float).tiny))
         both = np.outer(signal, signal)
-        parts = dict(zip((LIGHT_FIELD, *self.causes), steps[:, None, None] * both, strict=True))
-        return {WHITE: symmetric(totals[-1] - np.sum(list(parts.values()), axis=0)), **parts}
+        parts = dict(
+            zip((error_model.LIGHT_FIELD, *self.causes), steps[:, None, None] * both, strict=True))
+        return {
+            error_model.WHITE: symmetric(totals[-1] - np.sum(list(parts.values()), axis=0)), **parts
+        }
 
 
 def white_at_regions(photo: FlatPhoto, known: Mapping[str, np.ndarray], errors: FlatErrors,
@@ -258,7 +253,7 @@ def white_told_by(photo: FlatPhoto, white: PhotoWhite, known: Mapping[str, np.nd
                if name in white.samples.names}
     model = errors.disagreement.among_bands(white.glare.size)
     return condition_on_known(white, signals, {
-        name: proportional_covariance(signal, model + errors.known[name]**2)
+        name: error_model.proportional_covariance(signal, model + errors.known[name]**2)
         for name, signal in signals.items()})
 
 
@@ -300,7 +295,7 @@ def white_by_chart(photo: FlatPhoto, errors: FlatErrors,
         samples = _with_nodes(samples, nodes_px)
     region_light = _light_at(photo, errors, points)
     exposure, causes = (1.0, {}) if photo.chart_in_photo else _exposure(photo, errors)
-    causes = causes | {SAMPLE_PLANE: errors.plane}
+    causes = causes | {error_model.SAMPLE_PLANE: errors.plane}
     # veiling glare is in proportion to the light of the whole picture
     glare = region_light.glare if photo.chart_in_photo else region_light.glare * (
         photo.image.signal.mean(axis=(0, 1)) / photo.chart_image.signal.mean(axis=(0, 1)))
@@ -420,14 +415,18 @@ def _require_one_level(name: str, signal: np.ndarray, target: np.ndarray, misfit
 
 
 def _light_at(photo: FlatPhoto, errors: FlatErrors,
-              points_px: list[np.ndarray]) -> LightAtRegions:
+              points_px: list[np.ndarray]) -> light_field.LightAtRegions:
     """The light at places of a photo, each the mean over its points (Q, 2) in pixels."""
     centres_px = photo.patches_px.mean(axis=1)
-    patches = PicturePoints(plane_centres(photo.layout), _in_picture(centres_px, photo.chart_image))
-    to_plane = plane_from_picture(centres_px, photo.layout)
-    places = [PicturePoints(projected(to_plane, points), _in_picture(points, photo.image))
-              for points in points_px]
-    return light_at_regions(photo.white, patches, places, errors.flat_field, errors.seed)
+    patches = light_field.PicturePoints(chart.plane_centres(photo.layout),
+                                        _in_picture(centres_px, photo.chart_image))
+    to_plane = chart.plane_from_picture(centres_px, photo.layout)
+    places = [
+        light_field.PicturePoints(chart.projected(to_plane, points),
+                                  _in_picture(points, photo.image)) for points in points_px
+    ]
+    return light_field.light_at_regions(photo.white, patches, places, errors.flat_field,
+                                        errors.seed)
 
 
 def _exposure(photo: FlatPhoto, errors: FlatErrors) -> tuple[float, dict[str, float]]:
@@ -438,8 +437,8 @@ def _exposure(photo: FlatPhoto, errors: FlatErrors) -> tuple[float, dict[str, fl
                          "were exposed, so the samples cannot be compared with the chart; show "
                          "both in one photo, or give files that state it")
     ratio = exposure_ratio(before, after)
-    return ratio, {REPEATABILITY: errors.repeatability,
-                   ROUNDED_EXPOSURES: rounding_error(before, after)}
+    return ratio, {error_model.REPEATABILITY: errors.repeatability,
+                   error_model.ROUNDED_EXPOSURES: rounding_error(before, after)}
 
 
 def _require_one_light(name: str, ratio: np.ndarray, covariance: np.ndarray,

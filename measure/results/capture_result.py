@@ -15,18 +15,14 @@ from spectrabox.measure.advice.advise import advice_on_capture
 from spectrabox.measure.captured import Capture
 from spectrabox.measure.extras import attempt, different
 from spectrabox.measure.records import CaptureRecords, PictureRecords
-from spectrabox.measure.results.calibration_facts import (
-    copy_facts,
-    held_out_facts,
-    light_facts,
-)
+from spectrabox.measure.results import calibration_facts
 from spectrabox.measure.results.facts import columns
 from spectrabox.measure.results.surface_result import (
     SURFACE_FACTS,
     SurfaceResult,
     surface_result,
 )
-from spectrabox.measure.tables import text_table
+from spectrabox.measure.words import text_table
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import WavelengthGrid
@@ -44,7 +40,7 @@ from spectrabox.radiometry.records.photos import (
     PhotoKind,
     RegionEdge,
 )
-from spectrabox.radiometry.spectra.kept_cameras import known_camera, known_camera_words
+from spectrabox.radiometry.spectra.cameras import known_camera, known_camera_words
 from spectrabox.sampling.prior.mixture import load_prior, of_families
 
 
@@ -186,13 +182,13 @@ class CaptureResult(ABC):
                  "conditions": [conditions.facts(one) for one in self.conditions],
                  "left_out": None,
                  "chart_generation": None,
-                 "light": light_facts(self.calibration), **self.own_facts,
+                 "light": calibration_facts.light_facts(self.calibration), **self.own_facts,
                  "known_camera": known_camera(self.photo.camera), "warnings": self.warnings,
                  "advice": self.advice.facts,
                  "failed_extras": [extras.facts(one) for one in self.failed_extras]}
         if chart is not None and chart.left_out is not None:
-            facts["left_out"] = held_out_facts(chart.left_out, chart.layout.names)
-            facts["chart_generation"] = copy_facts(chart.copy, chart.layout.names)
+            facts["left_out"] = calibration_facts.held_out_facts(chart.left_out, chart.layout.names)
+            facts["chart_generation"] = calibration_facts.copy_facts(chart.copy, chart.layout.names)
         if self.picture is not None:
             facts["picture"] = self.picture.facts(self.picture_folder)
         return facts

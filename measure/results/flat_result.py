@@ -10,11 +10,7 @@ import numpy as np
 from spectrabox.measure import conditions, rules
 from spectrabox.measure.captured import FlatCapture, View
 from spectrabox.measure.records import CaptureRecords
-from spectrabox.measure.results.capture_result import (
-    CaptureResult,
-    common_findings,
-    surface_of_records,
-)
+from spectrabox.measure.results import capture_result
 from spectrabox.measure.results.methods import flat_methods
 from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.photos import RegionEdge, RegionSamples
@@ -68,7 +64,7 @@ class PhotoOfRegions:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FlatResult(CaptureResult):
+class FlatResult(capture_result.CaptureResult):
     """What was found of flat samples."""
 
     photos: tuple[PhotoOfRegions, ...]
@@ -129,11 +125,12 @@ def flat_result(capture: FlatCapture, records: CaptureRecords,
         edges = photo.edges | edges
         for name, value in photo.scatter.items():
             scatter[name] = max(value, scatter.get(name, value))
-    surfaces = tuple(surface_of_records(capture, records, name, None, light.get(name),
-                                      scatter.get(name), edges.get(name))
-                     for name in capture.surfaces if name in records.signals.names)
-    return FlatResult(**common_findings(capture, records), surfaces=surfaces, photos=photos,
-                      picture_folder=picture_folder)
+    surfaces = tuple(
+        capture_result.surface_of_records(capture, records, name, None, light.get(name),
+                                          scatter.get(name), edges.get(name))
+        for name in capture.surfaces if name in records.signals.names)
+    return FlatResult(**capture_result.common_findings(capture, records), surfaces=surfaces,
+                      photos=photos, picture_folder=picture_folder)
 
 
 def _photo_of_regions(capture: FlatCapture, records: CaptureRecords,

@@ -4,9 +4,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from spectrabox.calibrate.chart_findings import root_mean_square
-from spectrabox.measure import rules, texts
+from spectrabox.measure import rules, texts, words
 from spectrabox.measure.rules import chart_residuals
-from spectrabox.measure.words import deviation_words, exposure, listed, number, percent
 from spectrabox.radiometry.records.calibration import LightScale
 from spectrabox.radiometry.records.spectra import Spectrum
 
@@ -32,15 +31,18 @@ def scene_methods(found: SceneResult) -> list[str]:
 
 def _capture(found: CaptureResult, subject: str) -> str:
     photo = found.photo
-    settings = [f"exposure {exposure(photo.exposure_s)}" if photo.exposure_s is not None else "",
-                f"ISO {photo.iso:g}" if photo.iso is not None else "",
-                f"f/{photo.f_number:g}" if photo.f_number is not None else ""]
+    settings = [
+        f"exposure {words.exposure(photo.exposure_s)}" if photo.exposure_s is not None else "",
+        f"ISO {photo.iso:g}" if photo.iso is not None else "",
+        f"f/{photo.f_number:g}" if photo.f_number is not None else ""
+    ]
     stated = ", ".join(s for s in settings if s) or "exposure not stated"
-    return (f"{subject} photographed with "
-            f"{photo.camera or 'a camera that the file does not name'} ({photo.kind.value}; "
-            f"{stated}). Signals are linear and black-subtracted, without white balance, in "
-            f"{len(found.bands)} bands ({', '.join(found.bands)}); {percent(photo.clipped_share)} "
-            "of the pixels were clipped and left out.")
+    return (
+        f"{subject} photographed with "
+        f"{photo.camera or 'a camera that the file does not name'} ({photo.kind.value}; "
+        f"{stated}). Signals are linear and black-subtracted, without white balance, in "
+        f"{len(found.bands)} bands ({', '.join(found.bands)}); "
+        f"{words.percent(photo.clipped_share)} of the pixels were clipped and left out.")
 
 
 def _camera(found: CaptureResult) -> str:
@@ -48,13 +50,14 @@ def _camera(found: CaptureResult) -> str:
     parts = [f"Camera sensitivities: {fit.method}."]
     rms = root_mean_square(chart_residuals(found))
     if rms is not None:
-        parts.append(f"The rms residual over the chart patches is {percent(rms)}.")
+        parts.append(f"The rms residual over the chart patches is {words.percent(rms)}.")
     held_out = root_mean_square(fit.held_out_residuals)
     if held_out is not None:
-        parts.append(f"Left out of its own fit, a patch is predicted within {percent(held_out)} "
-                     "rms.")
+        parts.append(
+            f"Left out of its own fit, a patch is predicted within {words.percent(held_out)} "
+            "rms.")
     if fit.condition_number is not None:
-        parts.append(f"The condition number of the fit is {number(fit.condition_number, 3)}.")
+        parts.append(f"The condition number of the fit is {words.number(fit.condition_number, 3)}.")
     light: Spectrum = found.calibration.light
     parts.append(f"Light spectrum: {light.source}.")
     return " ".join(parts)
@@ -63,19 +66,20 @@ def _camera(found: CaptureResult) -> str:
 def scale_words(scale: LightScale) -> str:
     """A light scale with its standard error."""
     if scale.standard_error is None:
-        return f"{number(scale.value)} (standard error not stated)"
-    return (f"{number(scale.value)} ± {number(scale.standard_error, 2)} (standard error, "
-            f"{percent(scale.standard_error / abs(scale.value))})")
+        return f"{words.number(scale.value)} (standard error not stated)"
+    return (
+        f"{words.number(scale.value)} ± {words.number(scale.standard_error, 2)} (standard error, "
+        f"{words.percent(scale.standard_error / abs(scale.value))})")
 
 
 def _reconstruction(found: SceneResult) -> str:
     made = found.reconstruction
     unknown = [material.name for material in found.surfaces if material.summary is not None]
     given = [material.name for material in found.surfaces if material.summary is None]
-    spectra = f"reflectances of {listed(unknown)} were" if unknown else "no reflectance was"
-    known = f"; {listed(given)} given" if given else ""
+    spectra = f"reflectances of {words.listed(unknown)} were" if unknown else "no reflectance was"
+    known = f"; {words.listed(given)} given" if given else ""
     further = f" and {len(found.views)} more photo(s) in one fit " \
-              f"({listed([view.name for view in found.views])})" if found.views else ""
+              f"({words.listed([view.name for view in found.views])})" if found.views else ""
     nm = made.grid.nm
     return (f"By inverse rendering (engine: {made.engine}; {made.spp} samples per pixel, seed "
             f"{made.seed}), {spectra} found from {int(made.used.sum())} of {made.used.size} "
@@ -88,12 +92,12 @@ def _sampling(found: CaptureResult) -> str:
     drawn = [m for m in found.surfaces if m.samples is not None and m.summary is not None]
     if not drawn:
         return "No spectra were drawn: every material was given."
-    methods = listed(sorted({m.samples.method for m in drawn if m.samples}))
+    methods = words.listed(sorted({m.samples.method for m in drawn if m.samples}))
     counts = sorted({len(m.samples.spectra) for m in drawn if m.samples})
     draws = str(counts[0]) if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
     seeds = ", ".join(str(seed) for seed in sorted({m.samples.seed for m in drawn if m.samples}))
     effective = min(m.samples.effective_samples for m in drawn if m.samples)
-    levels = listed(sorted({percent(m.summary.level) for m in drawn if m.summary}))
+    levels = words.listed(sorted({words.percent(m.summary.level) for m in drawn if m.summary}))
     return (f"Spectra that the camera cannot tell apart were drawn with {methods} ({draws} draws "
             f"per surface, seed {seeds}; at least {effective:.0f} effective). Bands are pointwise "
             f"central {levels} bands of the draws, conditional on the sampler's prior or spline "
@@ -105,8 +109,8 @@ def _agreement(found: SceneResult) -> str:
     worst = rules.worst_entry(agreement)
     if worst is None:
         return "No surface could be compared between photo and rendering."
-    half, name = percent(rules.median_surface_error(agreement)), agreement.names[worst[0]]
-    off = deviation_words(float(agreement.ratio[worst]))
+    half, name = words.percent(rules.median_surface_error(agreement)), agreement.names[worst[0]]
+    off = words.deviation_words(float(agreement.ratio[worst]))
     return (f"Photo and rendering agree within {half} (worst of {len(found.bands)} bands, median "
             f"over {len(agreement.names)} surfaces); the worst surface is “{name}”, where the "
             f"photo is {off} in band {found.bands[worst[1]]}.")
@@ -115,10 +119,10 @@ def _agreement(found: SceneResult) -> str:
 def _flat_light(found: FlatResult) -> str:
     errors = [error for photo in found.photos for _, error in photo.light.values()]
     known = list(dict.fromkeys(name for photo in found.photos for name in photo.level_misfits))
-    given = f" Regions of known spectrum ({listed(known)}) corrected it." if known else ""
+    given = f" Regions of known spectrum ({words.listed(known)}) corrected it." if known else ""
     card = " The photos were divided by one of a white card." if found.by_flat_field else ""
     return ("Signals of regions were divided by what a perfect white would read there: the white "
             "level and the quadratic light field of the chart fit, the field carried from the "
             "chart to the regions by regression over arrangements of lamps at unknown distances "
             f"and the lens's fall-off.{card}{given} The light on the regions is known within "
-            f"{percent(min(errors))} to {percent(max(errors))}.")
+            f"{words.percent(min(errors))} to {words.percent(max(errors))}.")

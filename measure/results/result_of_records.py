@@ -5,7 +5,7 @@ from spectrabox.measure.captured import FlatCapture, SceneCapture
 from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.results.flat_result import FlatResult, flat_result
 from spectrabox.measure.results.scene_result import SceneResult, scene_result
-from spectrabox.measure.scene.rehearsed import Rehearsed
+from spectrabox.measure.scene.rehearsal import Rehearsed
 
 
 def result_of(capture: FlatCapture | SceneCapture, records: CaptureRecords,

@@ -12,13 +12,9 @@ import numpy as np
 from spectrabox.measure import conditions, rules
 from spectrabox.measure.captured import SceneCapture
 from spectrabox.measure.records import CaptureRecords
-from spectrabox.measure.results.capture_result import (
-    CaptureResult,
-    common_findings,
-    surface_of_records,
-)
+from spectrabox.measure.results import capture_result
 from spectrabox.measure.results.methods import scene_methods
-from spectrabox.measure.scene.rehearsed import Rehearsed
+from spectrabox.measure.scene.rehearsal import Rehearsed
 from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.calibration import Calibration, LightScale
 from spectrabox.radiometry.records.scenes import Reconstruction, SceneGeometry
@@ -35,7 +31,7 @@ class ViewResult:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class SceneResult(CaptureResult):
+class SceneResult(capture_result.CaptureResult):
     """What was found of a scene."""
 
     reconstruction: Reconstruction              # of the first photo
@@ -82,7 +78,7 @@ class SceneResult(CaptureResult):
         return scene_methods(self)
 
 
-def bsdf_reflectances(found: CaptureResult, bsdfs: Mapping[str, str]
+def bsdf_reflectances(found: capture_result.CaptureResult, bsdfs: Mapping[str, str]
                       ) -> tuple[dict[str, np.ndarray], tuple[float, float]]:
     """Reflectance (P,) of every BSDF as renderers take it, 0 to 1, and the first and last
     wavelength: the mean of the draws of its material, or the given spectrum.
@@ -120,11 +116,13 @@ def scene_result(capture: SceneCapture, records: CaptureRecords,
                   for view, calibration, reconstruction
                   in zip(capture.views, records.calibrations(capture.views), joint.views,
                          strict=True) if view.name)
-    common = common_findings(capture, records)
+    common = capture_result.common_findings(capture, records)
     if len(set(joint.lamps)) > len({view.lamp for view in capture.views}):
         common["stated"] = dataclasses.replace(common["stated"], lamp_moved=True)
-    surfaces = [surface_of_records(capture, records, name, joint.spectra[names.index(name)])
-                for name in capture.surfaces if name in names]
+    surfaces = [
+        capture_result.surface_of_records(capture, records, name, joint.spectra[names.index(name)])
+        for name in capture.surfaces if name in names
+    ]
     if not views:       # the bands of a single photo are not named after it
         surfaces = [dataclasses.replace(
             surface, signals=dataclasses.replace(surface.signals, bands=bands))

@@ -12,18 +12,12 @@ from spectrabox.measure.extras import attempt
 from spectrabox.measure.regions.moved_lamp import InPlace, found_in_places
 from spectrabox.measure.results.facts import Fact, known_facts
 from spectrabox.measure.surfaces import surface_signals
-from spectrabox.measure.surfaces.metamers import MetamerPair, metamer_pair
+from spectrabox.measure.surfaces.colour_comparison import MetamerPair, metamer_pair
 from spectrabox.measure.words import percent
 from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.grid import WavelengthGrid
+from spectrabox.radiometry.records import spectra
 from spectrabox.radiometry.records.photos import RegionEdge
-from spectrabox.radiometry.records.spectra import (
-    Outcome,
-    Spectrum,
-    SurfaceSignals,
-    SurfaceSpectrum,
-)
-from spectrabox.radiometry.records.states import StateEstimate
 from spectrabox.sampling.prior.family_coverage import coverage_facts, mostly_in_doubt
 from spectrabox.sampling.prior.mixture import LogitMixture
 
@@ -48,8 +42,8 @@ class SurfaceResult(Estimate):
         Across a region, in the first photo that shows one.
     """
 
-    signals: SurfaceSignals
-    gloss: StateEstimate | None = None
+    signals: spectra.SurfaceSignals
+    gloss: spectra.StateEstimate | None = None
     light: tuple[float, float] | None = None
     scatter: float | None = None
     edge: RegionEdge | None = None
@@ -127,11 +121,12 @@ class SurfaceResult(Estimate):
         return known_facts(SURFACE_FACTS, self)
 
 
-def surface_result(signals: SurfaceSignals, index: int, spectrum: SurfaceSpectrum | None,
-                   prior: LogitMixture | None = None, truth: Spectrum | None = None,
+def surface_result(signals: spectra.SurfaceSignals, index: int,
+                   spectrum: spectra.SurfaceSpectrum | None, prior: LogitMixture | None = None,
+                   truth: spectra.Spectrum | None = None,
                    inverse_rendering: np.ndarray | None = None,
-                   light: tuple[float, float] | None = None,
-                   scatter: float | None = None, edge: RegionEdge | None = None) -> SurfaceResult:
+                   light: tuple[float, float] | None = None, scatter: float | None = None,
+                   edge: RegionEdge | None = None) -> SurfaceResult:
     """What was found of one surface.
 
     Parameters
@@ -156,12 +151,14 @@ def surface_result(signals: SurfaceSignals, index: int, spectrum: SurfaceSpectru
     if spectrum is None:
         return SurfaceResult(**common, summary=None, given=(signals.grid.nm,
                                                             signals.spectra[index]))
-    return SurfaceResult(
-        **common, summary=spectrum.summary, measurement=surface_signals.measurement(signals, index),
-        errors=surface_signals.errors_by_cause(signals, index), prior=prior,
-        samples=spectrum.samples, inverse_rendering=inverse_rendering,
-        family_shares=spectrum.family_shares, variance_shares=spectrum.variance_shares,
-        from_more=spectrum.samples.outcome is Outcome.THROUGH_TRANSPORT, gloss=spectrum.states)
+    return SurfaceResult(**common, summary=spectrum.summary,
+                         measurement=surface_signals.measurement(signals, index),
+                         errors=surface_signals.errors_by_cause(signals, index), prior=prior,
+                         samples=spectrum.samples, inverse_rendering=inverse_rendering,
+                         family_shares=spectrum.family_shares,
+                         variance_shares=spectrum.variance_shares,
+                         from_more=spectrum.samples.outcome is spectra.Outcome.THROUGH_TRANSPORT,
+                         gloss=spectrum.states)
 
 
 def _shown_bands(surface: SurfaceResult) -> np.ndarray:

@@ -7,27 +7,17 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from spectrabox.radiometry import error_model
 from spectrabox.radiometry.covariance import error_patterns
-from spectrabox.radiometry.error_model import (
-    CAUSES,
-    DISAGREEMENT,
-    LIGHT_SPECTRUM,
-    SENSITIVITIES,
-    SURFACE_REFLECTION,
-    ResponseErrors,
-    curve_errors,
-    light_errors,
-    scale_covariances,
-)
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.gloss import gloss_states
 from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.interreflection import white_signal
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.scenes import JointReconstruction, RegionTransport
 from spectrabox.radiometry.records.spectra import SpectrumSamples
-from spectrabox.radiometry.response import white_signal
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
-from spectrabox.sampling.scene.scene_draws import draw_scene, shared_errors, split_shared
+from spectrabox.sampling.scene import scene_draws
 
 KEPT = 1e-4     # of the largest variance of signals by curves and light; less is left out
 
@@ -87,10 +77,10 @@ def draw_through_transport(calibration: Calibration, joint: JointReconstruction,
     response = fine @ interpolation_matrix(PRIOR_GRID.nm, joint.grid.nm)
     known = {name: np.interp(PRIOR_GRID.nm, joint.grid.nm, joint.spectra[place])
              for place, name in enumerate(joint.materials) if joint.known[place]}
-    common, logs = split_shared(*_common_errors(calibration, joint, regions, fine))
-    return draw_scene(regions.transport, regions.signal, regions.standard_error, response, draws,
-                      seed, common=common, logs=logs, known=known, families=families,
-                      coefficients=coefficients)
+    common, logs = scene_draws.split_shared(*_common_errors(calibration, joint, regions, fine))
+    return scene_draws.draw_scene(regions.transport, regions.signal, regions.standard_error,
+                                  response, draws, seed, common=common, logs=logs, known=known,
+                                  families=families, coefficients=coefficients)
 
 
 def _common_errors(calibration: Calibration, joint: JointReconstruction, regions: RegionTransport,
@@ -105,24 +95,29 @@ def _common_errors(calibration: Calibration, joint: JointReconstruction, regions
     received = regions.transport.coefficients @ products
     signal = received @ response.T
     white = white_signal(response)
-    curves = curve_errors(calibration, joint.grid)
-    light = light_errors(calibration, joint.grid, joint.response)
+    curves = error_model.curve_errors(calibration, joint.grid)
+    light = error_model.light_errors(calibration, joint.grid, joint.response)
     causes = {
-        SENSITIVITIES: [_of_response(curves, signal / white, received) * white,
-                        _of_tails(curves.of_brightest, regions, signal / white) * white],
-        LIGHT_SPECTRUM: [_of_response(light, signal / white, received) * white],
-        SURFACE_REFLECTION: [_of_gloss(joint, regions, signal)],
-        DISAGREEMENT: [shared_errors(signal, np.zeros((len(white),) * 2), 0.0, regions.surface,
-                                     regions.colour_error, regions.brightness_error)]}
+        error_model.SENSITIVITIES: [
+            _of_response(curves, signal / white, received) * white,
+            _of_tails(curves.of_brightest, regions, signal / white) * white
+        ], error_model.LIGHT_SPECTRUM: [_of_response(light, signal / white, received) * white],
+        error_model.SURFACE_REFLECTION: [_of_gloss(joint, regions, signal)],
+        error_model.DISAGREEMENT: [
+            scene_draws.shared_errors(signal, np.zeros((len(white), ) * 2), 0.0, regions.surface,
+                                      regions.colour_error, regions.brightness_error)
+        ]
+    }
     for cause, errors in _of_stray_light(joint, regions, signal).items():
         causes.setdefault(cause, []).append(errors)
-    for cause, relative in scale_covariances(calibration, joint.views[0].light_scale).items():
-        causes.setdefault(cause, []).append(shared_errors(signal, relative))
+    for cause, relative in error_model.scale_covariances(calibration,
+                                                         joint.views[0].light_scale).items():
+        causes.setdefault(cause, []).append(scene_draws.shared_errors(signal, relative))
     return signal, regions.surface, {cause: np.concatenate(errors)
                                      for cause, errors in causes.items()}
 
 
-def _of_response(errors: ResponseErrors, relative: np.ndarray,
+def _of_response(errors: error_model.ResponseErrors, relative: np.ndarray,
                  received: np.ndarray) -> np.ndarray:
     """Errors (Q, R, K) of signals relative to white, of light (R, P), without those of little
     variance.
@@ -147,7 +142,7 @@ def _of_stray_light(joint: JointReconstruction, regions: RegionTransport,
     errors: dict[str, np.ndarray] = {}
     for stray in joint.stray_light:
         changes = signal * stray.relative[index]
-        errors[stray.cause] = np.array([changes] if CAUSES[stray.cause].surfaces else [
+        errors[stray.cause] = np.array([changes] if error_model.CAUSES[stray.cause].surfaces else [
             np.where((index == material)[:, None], changes, 0.0) for material in np.unique(index)])
     return errors
 

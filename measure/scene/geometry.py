@@ -13,20 +13,14 @@ from spectrabox.measure.scene.box_camera import (
     undistorted_shares,
     visible_corners,
 )
-from spectrabox.radiometry.records.scenes import (
-    MM,
-    SCENE_UNIT,
-    MarkedView,
-    Placement,
-    SceneGeometry,
-)
+from spectrabox.radiometry.records import scenes
 from spectrabox.reconstruct.scene.box_scene import box_edges
 from spectrabox.reconstruct.scene.box_tables import BoxTable, LampTable
 from spectrabox.reconstruct.scene.edit_scene import Refinement
 from spectrabox.reconstruct.scene.scene_file import SceneFile
 
 
-def scene_geometry(capture: SceneCapture) -> SceneGeometry:
+def scene_geometry(capture: SceneCapture) -> scenes.SceneGeometry:
     """What of a capture's scenes was estimated, with errors.
 
     Parameters
@@ -52,7 +46,7 @@ def scene_geometry(capture: SceneCapture) -> SceneGeometry:
         views.append(marked_view(view.name, stated.box, camera))
     for file, refinements in capture.refinements.items():
         placements += refined_placements(file, refinements)
-    return SceneGeometry(tuple(placements), tuple(views))
+    return scenes.SceneGeometry(tuple(placements), tuple(views))
 
 
 def box_scenes(capture: SceneCapture) -> dict[str, str]:
@@ -76,16 +70,19 @@ def box_scenes(capture: SceneCapture) -> dict[str, str]:
     return {name: box_text(scene) for name, scene in stated.items()}
 
 
-def lamp_placements(lamp: LampTable) -> list[Placement]:
+def lamp_placements(lamp: LampTable) -> list[scenes.Placement]:
     """The placement of a box's lamp; none where it stands as measured."""
     if lamp.moved_mm is None:
         return []
-    return [Placement("lamp", "measured with a tape, then moved to explain the shading of surfaces "
-                      "of known reflectance", MM, np.array(lamp.at_mm), np.array(lamp.position_mm),
-                      np.array(lamp.moved_mm), _array(lamp.moved_error_mm))]
+    return [
+        scenes.Placement(
+            "lamp", "measured with a tape, then moved to explain the shading of surfaces "
+            "of known reflectance", scenes.MM, np.array(lamp.at_mm), np.array(lamp.position_mm),
+            np.array(lamp.moved_mm), _array(lamp.moved_error_mm))
+    ]
 
 
-def refined_placements(file: str, refinements: Iterable[Refinement]) -> list[Placement]:
+def refined_placements(file: str, refinements: Iterable[Refinement]) -> list[scenes.Placement]:
     """The placements that comments of a scene file state.
 
     Parameters
@@ -94,12 +91,12 @@ def refined_placements(file: str, refinements: Iterable[Refinement]) -> list[Pla
         Its name.
     refinements : iterable of Refinement
     """
-    return [Placement(f"{refinement.what} {refinement.name!r} of {file}", refinement.how,
-                      SCENE_UNIT, None, _array(refinement.place), _array(refinement.moved),
+    return [scenes.Placement(f"{refinement.what} {refinement.name!r} of {file}", refinement.how,
+                      scenes.SCENE_UNIT, None, _array(refinement.place), _array(refinement.moved),
                       np.array(refinement.standard_error)) for refinement in refinements]
 
 
-def camera_placement(name: str, camera: BoxCamera) -> Placement:
+def camera_placement(name: str, camera: BoxCamera) -> scenes.Placement:
     """The placement of an estimated camera of a box.
 
     Parameters
@@ -118,11 +115,11 @@ def camera_placement(name: str, camera: BoxCamera) -> Placement:
         how = (f"from COLMAP, tied to the box by {len(model.residuals_px)} marks, rms "
                f"{model.rms_px:.2f} pixels, corners within {max(model.distances.values()):.1f} mm "
                f"of the tape's; {known}")
-    return Placement(f"camera of “{name}”" if name else "camera", how, MM, None,
+    return scenes.Placement(f"camera of “{name}”" if name else "camera", how, scenes.MM, None,
                      np.array(camera.at_mm), None, np.array(camera.standard_error_mm))
 
 
-def marked_view(name: str, box: BoxTable, camera: BoxCamera) -> MarkedView:
+def marked_view(name: str, box: BoxTable, camera: BoxCamera) -> scenes.MarkedView:
     """The edges of a box, and its marked corners, as a camera sees them.
 
     Parameters
@@ -136,7 +133,7 @@ def marked_view(name: str, box: BoxTable, camera: BoxCamera) -> MarkedView:
     seen = undistorted_shares(camera, visible_corners(camera, box.corner_positions()))
     marked = undistorted_shares(camera, camera.marks)
     corners = tuple(marked)
-    return MarkedView(
+    return scenes.MarkedView(
         name, np.array([[seen[start], seen[end]] for start, end in box_edges(box)]), corners,
         np.array([marked[corner] for corner in corners]).reshape(-1, 2),
         np.array([seen[corner] for corner in corners]).reshape(-1, 2),

@@ -1,4 +1,6 @@
-"""Light in the object photos that no scene holds: veiling glare of the lens, light from elsewhere
+"""The strength of the light on a scene, and what its photos err by in common.
+
+Light in the object photos that no scene holds: veiling glare of the lens, light from elsewhere
 than the lamp, and what the outermost layer of a surface mirrors.
 
 All add to the signal, so that dark materials and shadows suffer most.
@@ -7,24 +9,33 @@ All add to the signal, so that dark materials and shadows suffer most.
     ambient     d s(m, k) / s(m, k) = a largest irradiance / mean irradiance on its pixels
     gloss       d s(m, k) = g of the material >= 0, a share of white (radiometry/gloss.py)
 """
+
+
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from spectrabox.capture.photo.preview import bin_image, render_size
+from spectrabox.measure.surfaces.surface_signals import measurement, scene_signals
 from spectrabox.radiometry.error_model import (
     GLARE,
     STRAY_LIGHT,
 )
-from spectrabox.radiometry.records.scenes import (
-    JointReconstruction,
-    Reconstruction,
-    StrayLightError,
-)
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records import scenes
+from spectrabox.radiometry.records.calibration import LightScale
+from spectrabox.radiometry.records.spectra import Progress
 from spectrabox.reconstruct.agreement import BRIGHTEST_PERCENTILE
+from spectrabox.reconstruct.inverse_rendering import reconstruct_views
+from spectrabox.reconstruct.settings import InversionSettings
+from spectrabox.reconstruct.view import PhotoView
+from spectrabox.sampling.prior import mixture
+from spectrabox.sampling.prior.mixture_posterior import posterior
+from spectrabox.sampling.spectral_measurement import response_on
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +48,8 @@ class StatedErrors:
     gloss: Mapping[str, str | None]
 
 
-def with_stray_light(joint: JointReconstruction, errors: StatedErrors) -> JointReconstruction:
+def with_stray_light(joint: scenes.JointReconstruction,
+                     errors: StatedErrors) -> scenes.JointReconstruction:
     """The reconstruction with what stray light may have added to each material's signal.
 
     Parameters
@@ -61,10 +73,10 @@ def with_stray_light(joint: JointReconstruction, errors: StatedErrors) -> JointR
                 of_glare[index, bands] = errors.glare * view.measured.mean(axis=(0, 1)) / shown
                 of_ambient[index, bands] = errors.ambient * brightest / irradiance[own].mean()
     return dataclasses.replace(joint, gloss=dict(errors.gloss), stray_light=(
-        StrayLightError(GLARE, of_glare), StrayLightError(STRAY_LIGHT, of_ambient)))
+        scenes.StrayLightError(GLARE, of_glare), scenes.StrayLightError(STRAY_LIGHT, of_ambient)))
 
 
-def _irradiance(view: Reconstruction) -> np.ndarray:
+def _irradiance(view: scenes.Reconstruction) -> np.ndarray:
     """Irradiance (H, W) of the usable pixels up to one factor: signal over reflectance, mean over
     bands; NaN elsewhere.
     """
@@ -77,7 +89,84 @@ def _irradiance(view: Reconstruction) -> np.ndarray:
     return irradiance
 
 
-def _pixels_of(view: Reconstruction, material: str) -> np.ndarray:
+def _pixels_of(view: scenes.Reconstruction, material: str) -> np.ndarray:
     """Usable pixels (H, W) of a material."""
     surfaces = [index for index, name in enumerate(view.agreement.materials) if name == material]
     return view.used & np.isin(view.surface, surfaces)
+
+
+# ---- light strength ------------------------------------------------------------------------------
+
+# of the light's strength where nothing states it: brightnesses relative to a first guess
+TRIED_SCALES = np.geomspace(0.4, 4.0, 93)
+COARSE_WIDTH = 40           # of the view that the strength is estimated from, in pixels
+SCALE_PASSES = 3            # reflections between surfaces change with the strength
+FROM_PRIOR = "what the prior expects of surfaces, since nothing states the strength of the light"
+
+
+def scale_from_prior(view: PhotoView, settings: InversionSettings,
+                     families: Mapping[str, Sequence[str]], progress: Progress) -> LightScale:
+    """The strength of the light under which the materials are most probable.
+
+    Signals are inversely proportional to it but for light reflected between surfaces, so that the
+    posterior on a grid of strengths, flat in the logarithm, is taken again at its own mean.
+
+    Parameters
+    ----------
+    view : PhotoView
+        Whose light scale is not known.
+    settings : InversionSettings
+    families : mapping
+        What surfaces are, by material.
+    progress : callable
+
+    Returns
+    -------
+    LightScale
+        With its standard error, which is common to all bands.
+
+    Raises
+    ------
+    InputError
+        If no spectrum fits at any strength.
+    """
+    height, width = view.photo.signal.shape[:2]
+    view = dataclasses.replace(view, photo=bin_image(
+        view.photo, *render_size(width, height, min(width, COARSE_WIDTH))))
+    white = view.photo.signal[~view.photo.saturated.any(axis=2)]
+    value = float(np.percentile(white, 99))
+    first = reconstruct_views((dataclasses.replace(view, light_scale=LightScale(
+        1.0, None, None, FROM_PRIOR)),), settings, progress).views[0]
+    value /= max(float(np.percentile(first.rendered, 99)), np.finfo(float).tiny)
+    spread = np.inf
+    for _ in range(SCALE_PASSES):
+        scale = LightScale(value, value * min(spread, 0.5), None, FROM_PRIOR)
+        joint = reconstruct_views((dataclasses.replace(view, light_scale=scale),), settings,
+                                  progress)
+        signals = scene_signals(joint, [view.calibration])
+        log_posterior = np.zeros(TRIED_SCALES.size)
+        for index, name in enumerate(signals.names):
+            prior = mixture.of_families(mixture.load_prior(), families.get(name, ()))
+            own = measurement(signals, index)
+            noise = np.diag(np.diag(joint.signal_covariance[index])) + np.diag(
+                (0.02 * own.signal) ** 2)
+            log_posterior += posterior(
+                prior, response_on(own, mixture.PRIOR_GRID), own.signal / TRIED_SCALES[:, None],
+                noise / TRIED_SCALES[:, None, None]**2).log_evidence
+            log_posterior -= len(own.signal) * np.log(TRIED_SCALES)
+        weights = np.exp(log_posterior - log_posterior.max())
+        weights /= weights.sum()
+        logs = np.log(TRIED_SCALES)
+        shift = float(weights @ logs)
+        spread = float(np.sqrt(weights @ (logs - shift) ** 2))
+        value *= float(np.exp(shift))
+    if not np.isfinite(value):
+        raise InputError("no strength of the light explains the photo; give a chart scene to "
+                         "fit_camera, or the spectrum of one material")
+    return LightScale(value, value * spread, None, FROM_PRIOR)
+
+
+def learnt_spectra(families: Sequence[str]) -> scenes.LearntSpectra:
+    """Mean and covariance of the learnt prior, of some families if any are stated."""
+    prior = mixture.of_families(mixture.load_prior(), families)
+    return scenes.LearntSpectra(np.asarray(prior.nm), *mixture.reflectance_moments(prior))

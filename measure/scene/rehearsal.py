@@ -1,4 +1,6 @@
-"""Simulation-based calibration of one scene: its own photos again, with known truths.
+"""A scene replayed with known truths: do its bands hold them?
+
+Simulation-based calibration of one scene: its own photos again, with known truths.
 
 Talts, Betancourt, Simpson, Vehtari and Gelman 2018: where truths are drawn from the prior and data
 from the truths, the rank of each truth among the draws is uniform if everything between is right.
@@ -11,6 +13,8 @@ carries them to a photo, and the code of `measure` takes it from there. What the
 certain is certain here too: where the lamp stands. It shows "calibrated here" as far as the stated
 errors are right.
 """
+
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -24,18 +28,78 @@ from spectrabox.measure.surfaces.surface_signals import measurement, scene_signa
 from spectrabox.radiometry.error_model import scale_covariances
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.gloss import draw_gloss
+from spectrabox.radiometry.interreflection import response_matrix, white_signal
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.scenes import JointReconstruction
 from spectrabox.radiometry.records.spectra import Progress
-from spectrabox.radiometry.response import response_matrix, white_signal
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
-from spectrabox.reconstruct.fit.traced_view import TracedView
+from spectrabox.reconstruct.fit.transport_fit import TracedView
 from spectrabox.reconstruct.replay import Stage, Truth, replay, set_stage
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.view import PhotoView
+from spectrabox.sampling.prior import mixture
 from spectrabox.sampling.prior.families.family_models import true_reflectances
-from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior, of_families
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
+
+TOLERATED = 0.02         # of coverage: less is not worth a warning
+
+
+@dataclass(frozen=True)
+class RehearsedMaterial:
+    """One material over all rehearsals."""
+
+    name: str
+    coverage: float                     # mean share of wavelengths inside the band
+    coverage_standard_error: float
+    rmse: float                         # mean
+    width: float                        # mean, of the band
+    ranks: tuple[int, ...]              # counts of the truth's rank among the draws
+
+
+@dataclass(frozen=True)
+class Rehearsed:
+    """Rehearsals of one session with known truths."""
+
+    level: float                        # of the bands
+    seed: int
+    times: int
+    materials: tuple[RehearsedMaterial, ...]
+
+    @property
+    def worst(self) -> RehearsedMaterial:
+        """The material whose bands hold least."""
+        return min(self.materials, key=lambda each: each.coverage)
+
+    @property
+    def too_narrow(self) -> bool:
+        """Whether some material's bands hold less than they state, beyond two standard errors and
+        two percent.
+        """
+        return any(each.coverage + 2 * each.coverage_standard_error < self.level - TOLERATED
+                   for each in self.materials)
+
+    @property
+    def sentence(self) -> str:
+        """Whether bands hold as stated, by the worst material."""
+        said = (f"rehearsed {self.times} times with known truths, the {self.level:.0%} band of the "
+                f"worst material ({self.worst.name}) holds {self.worst.coverage:.1%}")
+        return said + (": too narrow for this session" if self.too_narrow else ": as stated")
+
+    @property
+    def text(self) -> str:
+        """A table for a person."""
+        lines = [f"{self.times} rehearsals with known truths; {self.level:.0%} of wavelengths "
+                 "should lie inside the bands",
+                 f"{'material':<16} {'band holds':>18} {'RMSE':>8} {'width':>8}   truths by rank"]
+        for each in self.materials:
+            share = f"{each.coverage:.1%} +- {each.coverage_standard_error:.1%}"
+            ranks = " ".join(f"{count:d}" for count in each.ranks)
+            lines.append(f"{each.name:<16} {share:>18} {each.rmse:>8.3f} {each.width:>8.3f}   "
+                         f"{ranks}")
+        return "\n".join([*lines, self.sentence])
+
+
+# ---- simulation-based calibration of one scene: its own photos again, with known truths ----------
 
 DRAWS = 399              # of each posterior: ranks 0 to 399 fall into ten bins of 40
 RANK_BINS = 10
@@ -95,8 +159,8 @@ def prepare_replays(views: Sequence[PhotoView], settings: InversionSettings,
         raise InputError(f"{times} rehearsals tell nothing of coverage: {MIN_TIMES} or more are "
                          "needed, and 200 know it to about one percent")
     progress(0.0, "tracing light")
-    prior = load_prior()
-    priors = {name: of_families(prior, families[name])
+    prior = mixture.load_prior()
+    priors = {name: mixture.of_families(prior, families[name])
               for name, known in zip(joint.materials, joint.known, strict=True) if not known}
     of_truths = np.random.SeedSequence(seed).spawn(2)[0]
     truths = {name: true_reflectances(own, times, np.random.default_rng(one)) for (name, own), one
@@ -144,7 +208,8 @@ class Replays:
     calibrations: Sequence[Calibration]
     joint: JointReconstruction
     errors: StatedErrors
-    priors: Mapping[str, LogitMixture]      # of every unknown material, of its families if stated
+    priors: Mapping[str,
+                    mixture.LogitMixture]  # of every unknown material, of its families if stated
     truths: Mapping[str, np.ndarray]        # (T, 61) each
     cameras: np.ndarray                     # (T, K, P)
 
@@ -156,7 +221,7 @@ class Replays:
         """What is photographed in one replay."""
         joint = self.joint
         spectra = {name: joint.spectra[index] for index, name in enumerate(joint.materials)}
-        spectra |= {name: np.interp(joint.grid.nm, PRIOR_GRID.nm, truths[number])
+        spectra |= {name: np.interp(joint.grid.nm, mixture.PRIOR_GRID.nm, truths[number])
                     + (draw_gloss(self.errors.gloss[name], 1, rng)[0]
                        if name in self.errors.gloss else 0.0)
                     for name, truths in self.truths.items()}

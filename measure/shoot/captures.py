@@ -12,22 +12,7 @@ import numpy as np
 from spectrabox.calibrate.geometry.colmap_model import ModelImage, read_colmap
 from spectrabox.calibrate.geometry.lens import read_lens
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
-from spectrabox.measure.captured import (
-    READ_ERROR,
-    BoxPhoto,
-    Development,
-    FlatCapture,
-    InputFile,
-    LitChart,
-    Material,
-    PhotoFiles,
-    Region,
-    SceneCapture,
-    SceneView,
-    Sensitivity,
-    View,
-    error_of_known,
-)
+from spectrabox.measure import captured
 from spectrabox.measure.shoot.curves import FilterTable, LightTable, SpectrumTable
 from spectrabox.measure.shoot.inputs import Inputs, chart_files, chart_of
 from spectrabox.measure.shoot.shoot import FILE_NAME, CompleteView, Shoot, SurfaceSection
@@ -35,21 +20,15 @@ from spectrabox.radiometry.chart import Chart, excluded_patches
 from spectrabox.radiometry.charts.references import reference_file, reference_reflectances
 from spectrabox.radiometry.errors import InputError, SpectraboxError
 from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.records import spectra
 from spectrabox.radiometry.records.calibration import Filter
-from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight
+from spectrabox.radiometry.spectra import named_spectra, spectrum_files
 from spectrabox.radiometry.spectra.filters import read_filter as read_filter_file
 from spectrabox.radiometry.spectra.filters import unknown_filter
 from spectrabox.radiometry.spectra.light_words import UNKNOWN
-from spectrabox.radiometry.spectra.named_spectra import sensitivities, spectrum_of_name, vague_light
-from spectrabox.radiometry.spectra.spectrum_files import (
-    on_grid,
-    read_curves,
-    read_spectrum,
-    spectrum_on_grid,
-)
+from spectrabox.reconstruct.scene import scene_file
 from spectrabox.reconstruct.scene.box_scene import chart_xml
 from spectrabox.reconstruct.scene.edit_scene import refinements
-from spectrabox.reconstruct.scene.scene_file import SceneFile, read_scene, scene_of_text
 
 BOX_SCENE_NAME, CHART_SCENE_NAME = "scene.xml", "chart-scene.xml"   # made of [scene.box]
 COLMAP = f"{FILE_NAME}: scene.box.colmap"
@@ -57,7 +36,7 @@ SHOWN = 12              # names of pictures in an error
 Kind = TypeVar("Kind")
 
 
-def capture_of(shoot: Shoot, inputs: Inputs) -> FlatCapture | SceneCapture:
+def capture_of(shoot: Shoot, inputs: Inputs) -> captured.FlatCapture | captured.SceneCapture:
     """What is measured, with everything read but its photos.
 
     Parameters
@@ -78,15 +57,16 @@ def capture_of(shoot: Shoot, inputs: Inputs) -> FlatCapture | SceneCapture:
     return capture
 
 
-def flat_capture_of(shoot: Shoot, inputs: Inputs) -> FlatCapture:
+def flat_capture_of(shoot: Shoot, inputs: Inputs) -> captured.FlatCapture:
     """As ``capture_of``, of flat samples."""
     capture = capture_of(shoot, inputs)
-    assert isinstance(capture, FlatCapture)
+    assert isinstance(capture, captured.FlatCapture)
     return capture
 
 
-def capture_with_faults(shoot: Shoot, inputs: Inputs
-                        ) -> tuple[FlatCapture | SceneCapture, list[SpectraboxError]]:
+def capture_with_faults(
+        shoot: Shoot, inputs: Inputs
+) -> tuple[captured.FlatCapture | captured.SceneCapture, list[SpectraboxError]]:
     """As ``capture_of``, with every fault; what could not be read is None in the capture then."""
     reader = _Reader(shoot, inputs)
     return reader.flat_capture() if shoot.flat else reader.scene_capture(), reader.faults
@@ -113,36 +93,37 @@ class _Reader:
             self.faults.append(fault)
             return None  # type: ignore[return-value]  # nothing is made of it
 
-    def file(self, name: str) -> InputFile:
+    def file(self, name: str) -> captured.InputFile:
         """A file by the name that the shoot has for it."""
-        return self.inputs.given.get(name) or InputFile(name, self.read(self.inputs.path, name))
+        return self.inputs.given.get(name) or captured.InputFile(name,
+                                                                 self.read(self.inputs.path, name))
 
-    def photo(self, files: dict[str, tuple[str, ...]]) -> PhotoFiles:
+    def photo(self, files: dict[str, tuple[str, ...]]) -> captured.PhotoFiles:
         """A photo's files by band."""
         return {band: tuple(self.file(name) for name in names) for band, names in files.items()}
 
-    def flat_capture(self) -> FlatCapture:
-        views = tuple(View(**self._view(view)) for view in self.shoot.all_views)
-        regions = {name: Region(**self._surface(section), outline=section.outline(),
+    def flat_capture(self) -> captured.FlatCapture:
+        views = tuple(captured.View(**self._view(view)) for view in self.shoot.all_views)
+        regions = {name: captured.Region(**self._surface(section), outline=section.outline(),
                                 photos=section.photos, known_error=self._known_error(section))
                    for name, section in self.shoot.regions.items()}
-        return FlatCapture(views=views, regions=regions, **self._common())
+        return captured.FlatCapture(views=views, regions=regions, **self._common())
 
-    def scene_capture(self) -> SceneCapture:
+    def scene_capture(self) -> captured.SceneCapture:
         shoot, inputs = self.shoot, self.inputs
         chart_scene = self.read(read_chart_scene, shoot, inputs) if shoot.views_with_chart else None
         lens = None if shoot.camera.lens is None else self.read(
             lambda name: read_lens(inputs.path(name)), shoot.camera.lens)
         views = tuple(
-            SceneView(**self._view(view), lens=lens, scene_name=view.scene,
+            captured.SceneView(**self._view(view), lens=lens, scene_name=view.scene,
                       scene=self.read(stated_scene, shoot, inputs, view),
                       lights_by_id={name: self.read(read_known_light, inputs, light)
                                     for name, light in view.lights_by_id.items()})
             for view in shoot.all_views)
-        materials = {name: Material(**self._surface(section), bsdf=section.bsdf or name)
+        materials = {name: captured.Material(**self._surface(section), bsdf=section.bsdf or name)
                      for name, section in shoot.materials.items()}
         files = dict.fromkeys(view.scene for view in shoot.all_views if view.scene is not None)
-        return SceneCapture(views=views, materials=materials, chart_scene=chart_scene,
+        return captured.SceneCapture(views=views, materials=materials, chart_scene=chart_scene,
                             inversion=shoot.reconstruct,
                             scale_from_chart=shoot.scale.source == "chart",
                             refinements={} if self.faults else {
@@ -155,7 +136,7 @@ class _Reader:
         return {
             "name": shoot.session.name, "seed": shoot.session.seed,
             "chart": self.read(_lit_chart, shoot, self.inputs) if shoot.views_with_chart else None,
-            "development": Development(
+            "development": captured.Development(
                 tuple(self.file(name) for name in photos.dark_files),
                 {band: self.file(name) for band, name in photos.flats.items()},
                 photos.not_linear, photos.orientation),
@@ -179,15 +160,17 @@ class _Reader:
         """Relative standard error of a known reflectance; of one that is not known, any."""
         known = None if section.known is None else self.read(read_reflectance, self.inputs,
                                                              section.known)
-        return READ_ERROR if known is None else error_of_known(known)
+        return captured.READ_ERROR if known is None else captured.error_of_known(known)
 
     def _surface(self, section: SurfaceSection) -> dict[str, Any]:
         """What is stated of a surface, by the fields of one."""
         known, truth = (None if table is None else self.read(read_reflectance, self.inputs, table)
                         for table in (section.known, section.truth))
-        return {"families": section.families, "surface": section.surface,
-                "known": None if known is None else spectrum_on_grid(known, FINE_GRID),
-                "truth": truth}
+        return {
+            "families": section.families, "surface": section.surface, "known":
+            None if known is None else spectrum_files.spectrum_on_grid(known, FINE_GRID), "truth":
+            truth
+        }
 
 
 def _words(light: LightTable) -> str:
@@ -203,11 +186,11 @@ def _words_of_filter(table: FilterTable) -> str:
     return f"{table.file}{column}"
 
 
-def _lit_chart(shoot: Shoot, inputs: Inputs) -> LitChart:
+def _lit_chart(shoot: Shoot, inputs: Inputs) -> captured.LitChart:
     """The session's chart, with its reflectances, published or measured."""
     layout = chart_of(shoot, inputs)
     corners = shoot.chart.corners_px
-    return LitChart(layout, read_chart_reference(shoot, inputs, layout),
+    return captured.LitChart(layout, read_chart_reference(shoot, inputs, layout),
                     excluded_patches(shoot.chart.leave_out, layout, "chart.leave_out"),
                     None if corners is None else np.array(corners),
                     stated=shoot.chart.reference is not None or layout.reference_file is not None,
@@ -227,13 +210,13 @@ def read_chart_reference(shoot: Shoot, inputs: Inputs, layout: Chart) -> np.ndar
     return reference_reflectances(shoot.chart.reference, layout, FINE_GRID, inputs.folder)
 
 
-def _sensitivity(shoot: Shoot, inputs: Inputs) -> Sensitivity:
+def _sensitivity(shoot: Shoot, inputs: Inputs) -> captured.Sensitivity:
     """Where the camera's sensitivities come from."""
     chosen = shoot.sensitivity
     prior = None if chosen.prior is None else inputs.given.get(chosen.prior) \
         or load_camera_prior(inputs.path(chosen.prior))
     names, curves = ((), None) if chosen.from_chart else read_sensitivities(shoot, inputs)
-    return Sensitivity(curves, names, chosen.source.words, chosen.method, prior,
+    return captured.Sensitivity(curves, names, chosen.source.words, chosen.method, prior,
                        chosen.relative_error)
 
 
@@ -249,10 +232,10 @@ def read_sensitivities(shoot: Shoot, inputs: Inputs) -> tuple[tuple[str, ...], n
     source = shoot.sensitivity.source
     names: tuple[str, ...] = ()
     if source.file is None:
-        on = sensitivities(source.words, FINE_GRID)
+        on = named_spectra.sensitivities(source.words, FINE_GRID)
     else:
-        nm, names, curves = read_curves(inputs.path(source.file), source.columns)
-        on = on_grid(nm, curves, FINE_GRID, source.file)
+        nm, names, curves = spectrum_files.read_curves(inputs.path(source.file), source.columns)
+        on = spectrum_files.on_grid(nm, curves, FINE_GRID, source.file)
     if len(on) < 3:
         raise InputError(f"{source.words} holds {len(on)} curves; three or more bands are "
                          "needed")
@@ -262,7 +245,7 @@ def read_sensitivities(shoot: Shoot, inputs: Inputs) -> tuple[tuple[str, ...], n
     return names, np.maximum(on, 0.0) / on.max()
 
 
-def read_light(inputs: Inputs, table: LightTable) -> Spectrum | UnknownLight:
+def read_light(inputs: Inputs, table: LightTable) -> spectra.Spectrum | spectra.UnknownLight:
     """Light spectrum as its file gives it, or what is known of it.
 
     Raises
@@ -272,21 +255,23 @@ def read_light(inputs: Inputs, table: LightTable) -> Spectrum | UnknownLight:
         its name.
     """
     if table.cct is not None:
-        return UnknownLight(cct=table.cct)
+        return spectra.UnknownLight(cct=table.cct)
     if table.word is not None:
-        return vague_light(table.word) or spectrum_of_name(table.word, FINE_GRID)
+        return named_spectra.vague_light(table.word) or named_spectra.spectrum_of_name(
+            table.word, FINE_GRID)
     assert table.file is not None
     if table.file in inputs.given:
         return inputs.given[table.file]
-    light = read_spectrum(inputs.path(table.file), role=Quantity.RELATIVE, column=table.column)
-    values = spectrum_on_grid(light, FINE_GRID)
+    light = spectrum_files.read_spectrum(inputs.path(table.file), role=spectra.Quantity.RELATIVE,
+                                         column=table.column)
+    values = spectrum_files.spectrum_on_grid(light, FINE_GRID)
     if values.max() <= 0 or values.min() < -0.01 * values.max():
         raise InputError(f"{table.file}: a light spectrum must be positive; "
                          f"it runs from {values.min():.3g} to {values.max():.3g} over 400-700 nm")
     return light
 
 
-def read_known_light(inputs: Inputs, table: LightTable) -> Spectrum:
+def read_known_light(inputs: Inputs, table: LightTable) -> spectra.Spectrum:
     """The same where a spectrum is needed.
 
     Raises
@@ -295,7 +280,7 @@ def read_known_light(inputs: Inputs, table: LightTable) -> Spectrum:
         As ``read_light``, and if the light is not known.
     """
     light = read_light(inputs, table)
-    if isinstance(light, UnknownLight):
+    if isinstance(light, spectra.UnknownLight):
         raise InputError(f"this needs the spectrum of a light and has an {light.words}; measure "
                          "it, or name a CIE illuminant")
     return light
@@ -316,7 +301,7 @@ def read_filter(inputs: Inputs, table: FilterTable) -> Filter:
     return read_filter_file(inputs.path(table.file), table.column)
 
 
-def read_reflectance(inputs: Inputs, table: SpectrumTable) -> Spectrum:
+def read_reflectance(inputs: Inputs, table: SpectrumTable) -> spectra.Spectrum:
     """Reflectance that covers 400-700 nm.
 
     Raises
@@ -326,14 +311,14 @@ def read_reflectance(inputs: Inputs, table: SpectrumTable) -> Spectrum:
     """
     if table.file in inputs.given:
         return inputs.given[table.file]
-    spectrum = read_spectrum(inputs.path(table.file), role=Quantity.REFLECTANCE,
-                             column=table.column)
-    spectrum_on_grid(spectrum, FINE_GRID)
+    spectrum = spectrum_files.read_spectrum(inputs.path(table.file),
+                                            role=spectra.Quantity.REFLECTANCE, column=table.column)
+    spectrum_files.spectrum_on_grid(spectrum, FINE_GRID)
     return spectrum
 
 
 def stated_scene(shoot: Shoot, inputs: Inputs,
-                 view: CompleteView | None = None) -> SceneFile | BoxPhoto:
+                 view: CompleteView | None = None) -> scene_file.SceneFile | captured.BoxPhoto:
     """The scene of a photo: a file, which lies within the session folder, or a measured box.
 
     Parameters
@@ -354,10 +339,10 @@ def stated_scene(shoot: Shoot, inputs: Inputs,
     view = view or shoot.all_views[0]
     if view.scene is None:
         return box_photo(shoot, inputs, view)
-    return read_scene(inputs.path(view.scene), inputs.bounds)
+    return scene_file.read_scene(inputs.path(view.scene), inputs.bounds)
 
 
-def box_photo(shoot: Shoot, inputs: Inputs, view: CompleteView | None = None) -> BoxPhoto:
+def box_photo(shoot: Shoot, inputs: Inputs, view: CompleteView | None = None) -> captured.BoxPhoto:
     """What a session with [scene.box] states of one of its photos.
 
     Parameters
@@ -385,11 +370,11 @@ def box_photo(shoot: Shoot, inputs: Inputs, view: CompleteView | None = None) ->
         camera, marked, taken = view.camera, turned, view.photo_files[0]
         camera_view, table = view.name, f"views.{view.name}.camera"
     lens, beam = shoot.camera.lens, box.lamp.beam
-    return BoxPhoto(
-        box=turned, camera=camera, marked=marked, taken=InputFile(taken, inputs.path(taken)),
-        lens=None if lens is None else read_lens(inputs.path(lens)),
+    return captured.BoxPhoto(
+        box=turned, camera=camera, marked=marked, taken=captured.InputFile(
+            taken, inputs.path(taken)), lens=None if lens is None else read_lens(inputs.path(lens)),
         path=inputs.folder / BOX_SCENE_NAME,
-        beam=None if beam is None else InputFile(beam, inputs.path(beam)),
+        beam=None if beam is None else captured.InputFile(beam, inputs.path(beam)),
         model={} if camera.image is None else _pictures(shoot, inputs, camera.image),
         camera_view=camera_view, camera_place=f"{FILE_NAME}: {table}", model_place=COLMAP)
 
@@ -407,11 +392,11 @@ def _pictures(shoot: Shoot, inputs: Inputs, image: str) -> dict[str, ModelImage]
     return {name: images[name] for name in needed}
 
 
-def read_chart_scene(shoot: Shoot, inputs: Inputs) -> SceneFile | None:
+def read_chart_scene(shoot: Shoot, inputs: Inputs) -> scene_file.SceneFile | None:
     """The scene of the chart photo, where there is one."""
     if shoot.chart.scene is not None:
-        return read_scene(inputs.path(shoot.chart.scene), inputs.bounds)
+        return scene_file.read_scene(inputs.path(shoot.chart.scene), inputs.bounds)
     if shoot.box is None or shoot.box.chart is None:
         return None
-    return scene_of_text(chart_xml(shoot.box, shoot.box.chart),
+    return scene_file.scene_of_text(chart_xml(shoot.box, shoot.box.chart),
                          inputs.folder / CHART_SCENE_NAME, inputs.bounds)

@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, Field
 from spectrabox.radiometry.checked_tables import ListOf, Table
 from spectrabox.radiometry.error_model import PLANE_ERROR, SCENE_LEVEL_ERROR
 from spectrabox.radiometry.published.published_tables import LIGHTS, published_names
-from spectrabox.radiometry.system.known_names import known_name
+from spectrabox.radiometry.system.words import known_name
 from spectrabox.reconstruct.settings import Engine, InversionSettings, SpectrumPrior
 
 INVERSION = InversionSettings()

@@ -9,8 +9,7 @@ from spectrabox.measure.shoot.shoot import RegionSection, Shoot, ViewSection, by
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.published.published_tables import LIGHTS, published_names
 from spectrabox.radiometry.records.photos import MIN_PATCHES
-from spectrabox.radiometry.system.known_names import nearest_words
-from spectrabox.radiometry.system.words import name_fault, sharing_a_file, shortened
+from spectrabox.radiometry.system import words
 from spectrabox.sampling.prior.families.family_names import unknown_families
 
 
@@ -201,11 +200,11 @@ def _names(shoot: Shoot) -> Iterator[str]:
         "photos.object.": [band for band in by_band(shoot.photos.object) if band != ONE_PHOTO]}
     for place, names in named.items():
         for name in names:
-            fault = name_fault(name)
+            fault = words.name_fault(name)
             if fault is not None:
-                yield f"{place}{shortened(name)}: {fault}"
-        for first, other in sharing_a_file(names):
-            yield (f"{place}{shortened(first)} and {shortened(other)}: files would be "
+                yield f"{place}{words.shortened(name)}: {fault}"
+        for first, other in words.sharing_a_file(names):
+            yield (f"{place}{words.shortened(first)} and {words.shortened(other)}: files would be "
                    "named alike after both; rename one")
 
 
@@ -362,5 +361,8 @@ def _picture(shoot: Shoot) -> Iterator[str]:
         yield (f"picture.rect is {list(rect)}; two opposite corners [x0, y0, x1, y1] that enclose "
                "something are needed")
     if light is not None and light not in published_names(LIGHTS):
-        yield (f"picture.light is {shortened(light)}, which is no CIE name"
-               f"{nearest_words(light, published_names(LIGHTS))}; take A, D50, FL11 or LED-B3, say")
+        yield (
+            f"picture.light is {words.shortened(light)}, which is no CIE name"
+            f"{words.nearest_words(light, published_names(LIGHTS))}; take A, D50, FL11 or LED-B3, "
+            "say"
+        )

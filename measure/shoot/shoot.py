@@ -12,31 +12,12 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import Field, model_validator
 
-from spectrabox.measure.captured import FIRST_PHOTO, ONE_PHOTO, Outline, rectangle
-from spectrabox.measure.shoot.curves import (
-    FROM_CHART,
-    CurvesRef,
-    FilterRef,
-    LightRef,
-    LightTable,
-    SourceRef,
-    SourceTable,
-    SpectrumRef,
-    SpectrumTable,
-)
-from spectrabox.measure.shoot.options import (
-    SURFACE_FIELD,
-    Inversion,
-    PictureOptions,
-    Repeatability,
-    Sampling,
-    StrayLight,
-    Surface,
-)
-from spectrabox.measure.steps.declared_steps import FLAT_STEPS, SCENE_STEPS, Step
+from spectrabox.measure import captured
+from spectrabox.measure.shoot import curves, options
+from spectrabox.measure.steps import declared_steps
 from spectrabox.radiometry.charts.layouts import is_layout_file
 from spectrabox.radiometry.checked_tables import ListOf, Table
-from spectrabox.reconstruct.scene.box_tables import BoxTable, CameraTable, Point
+from spectrabox.reconstruct.scene import box_tables
 
 FILE_NAME = "session.toml"
 
@@ -49,7 +30,7 @@ def by_band(written: str | tuple[str, ...] | Mapping[str, Files] | None
             ) -> dict[str, tuple[str, ...]]:
     """Files of a photo by band; of a colour camera's photo under one name."""
     bands = {} if written is None else written if isinstance(written, Mapping) else {
-        ONE_PHOTO: written}
+        captured.ONE_PHOTO: written}
     return {band: (files,) if isinstance(files, str) else files for band, files in bands.items()}
 
 
@@ -130,29 +111,32 @@ class CameraSection(Table):
 class LightSection(Table):
     """Spectra of the lights."""
 
-    spectrum: LightRef = Field(description="a file of its spectrum, any unit; or \"unknown\", a "
-                               "CIE name, a kind of lamp (daylight, halogen, led, fluorescent), or "
-                               "{cct = 3200}")
-    by_id: dict[str, LightRef] | None = Field(None, description="lights of the scene that have "
-                                                 "another spectrum")
+    spectrum: curves.LightRef = Field(
+        description="a file of its spectrum, any unit; or \"unknown\", a "
+        "CIE name, a kind of lamp (daylight, halogen, led, fluorescent), or "
+        "{cct = 3200}")
+    by_id: dict[str, curves.LightRef] | None = Field(
+        None, description="lights of the scene that have "
+        "another spectrum")
 
 
 class SensitivitySection(Table):
     """Where the camera's sensitivities come from."""
 
-    source: SourceRef = Field(SourceTable(file=FROM_CHART), validation_alias="from",
-                              description="\"chart\", a file of measured curves, or a camera's "
-                              "name")
+    source: curves.SourceRef = Field(
+        curves.SourceTable(file=curves.FROM_CHART), validation_alias="from",
+        description="\"chart\", a file of measured curves, or a camera's "
+        "name")
     method: Literal["prior", "smooth", "nonnegative", "paper"] | None = Field(
         None, description="prior: learnt from measured cameras; the others: splines")
     prior: str | None = Field(None, description="a prior made by 'spectrabox camera prior'")
     relative_error: float = Field(0.02, ge=1e-4, le=1, description="of signals predicted from "
                                   "measured curves")
-    truth: CurvesRef | None = Field(None, description="curves to compare with in the report")
+    truth: curves.CurvesRef | None = Field(None, description="curves to compare with in the report")
 
     @property
     def from_chart(self) -> bool:
-        return self.source.file == FROM_CHART
+        return self.source.file == curves.FROM_CHART
 
 
 class ScaleSection(Table):
@@ -168,8 +152,9 @@ class SceneSection(Table):
 
     file: str | None = Field(None, description="Mitsuba XML: geometry, camera pose, light in their "
                              "places")
-    box: BoxTable | None = Field(None, description="a box with objects, lamp, camera and chart, in "
-                                 "place of file")
+    box: box_tables.BoxTable | None = Field(
+        None, description="a box with objects, lamp, camera and chart, in "
+        "place of file")
 
     @model_validator(mode="after")
     def _is_file_or_box(self) -> SceneSection:
@@ -182,12 +167,14 @@ class SceneSection(Table):
 class SurfaceSection(Table):
     """What is known of a surface beforehand."""
 
-    known: SpectrumRef | None = Field(None, description="measured reflectance, taken as given")
-    truth: SpectrumRef | None = Field(None, description="measured reflectance, only compared with")
+    known: curves.SpectrumRef | None = Field(None,
+                                             description="measured reflectance, taken as given")
+    truth: curves.SpectrumRef | None = Field(None,
+                                             description="measured reflectance, only compared with")
     family: str | ListOf[str] | None = Field(
         None, description="what the surface is: paint, textile, leaves, skin, white, earth or "
         "animal; bands are then conditional on it")
-    surface: Surface = SURFACE_FIELD
+    surface: options.Surface = options.SURFACE_FIELD
 
     @property
     def families(self) -> tuple[str, ...]:
@@ -197,7 +184,7 @@ class SurfaceSection(Table):
         return (self.family,) if isinstance(self.family, str) else tuple(self.family)
 
     @property
-    def measured(self) -> SpectrumTable | None:
+    def measured(self) -> curves.SpectrumTable | None:
         """Its measured reflectance, which is not looked for."""
         return self.known
 
@@ -224,10 +211,10 @@ class RegionSection(SurfaceSection):
         """Names of the photos that show it; none stands for all."""
         return (self.photo,) if isinstance(self.photo, str) else tuple(self.photo or ())
 
-    def outline(self) -> Outline:
+    def outline(self) -> captured.Outline:
         """Its corners (x, y), going round."""
         if self.rect is not None:
-            return rectangle(self.rect)
+            return captured.rectangle(self.rect)
         return tuple((x, y) for x, y in self.polygon or ())
 
 
@@ -235,20 +222,23 @@ class ViewSection(Table):
     """A further photo of the same materials: another light, exposure or viewpoint."""
 
     photo: Photo = Field(description="files as of photos.object")
-    light: LightRef | None = Field(None, description="its light; that of light.spectrum, from the "
-                                   "same lamp, where left out")
+    light: curves.LightRef | None = Field(
+        None, description="its light; that of light.spectrum, from the "
+        "same lamp, where left out")
     same_light_as: str | None = Field(None, description="in place of light: the view whose lamp "
                                       "shines here too, unchanged; \"photo\" is that of [photos]")
     lamp: Literal["moved"] | None = Field(None, description="of flat samples: \"moved\", the lamp "
                                           "is the same and stands elsewhere")
-    filter: FilterRef | None = Field(None, description="a filter before lens or lamp: the file of "
-                                     "its transmittance, or \"unknown\"")
+    filter: curves.FilterRef | None = Field(
+        None, description="a filter before lens or lamp: the file of "
+        "its transmittance, or \"unknown\"")
     scene: str | None = Field(None, description="its scene; that of [scene] where left out")
     turn_deg: float | None = Field(None, ge=-360, le=360, description="by which the turntable of "
                                    "[scene.box] had turned, counter-clockwise as seen from above")
-    lamp_at_mm: Point | None = Field(None, description="where the lamp of [scene.box] stood for "
-                                     "this photo, if it was moved")
-    camera: CameraTable | None = Field(None, description="where its camera stood, as of "
+    lamp_at_mm: box_tables.Point | None = Field(
+        None, description="where the lamp of [scene.box] stood for "
+        "this photo, if it was moved")
+    camera: box_tables.CameraTable | None = Field(None, description="where its camera stood, as of "
                                        "[scene.box.camera]; there too where left out")
     chart: Photo | None = Field(None, description="the chart under its light; without it, "
                                 "materials in common with other photos tell its strength")
@@ -260,15 +250,15 @@ class CompleteView(ViewSection):
     """
 
     name: str
-    light: LightTable
-    lights_by_id: dict[str, LightTable]
-    lamp_of: str = FIRST_PHOTO          # title of the first photo that its lamp is stated to light
+    light: curves.LightTable
+    lights_by_id: dict[str, curves.LightTable]
+    lamp_of: str = captured.FIRST_PHOTO  # title of the first photo that its lamp is stated to light
     moved_for: str = ""                 # title of the photo for which its lamp was put elsewhere
 
     @property
     def title(self) -> str:
         """What it is called in sentences and in a region's ``photo``."""
-        return self.name or FIRST_PHOTO
+        return self.name or captured.FIRST_PHOTO
 
     @property
     def photo_by_band(self) -> dict[str, tuple[str, ...]]:
@@ -313,8 +303,8 @@ class Shoot(Table):
     photos: PhotosSection
     chart: ChartSection = ChartSection()
     camera: CameraSection = CameraSection()
-    repeatability: Repeatability = Repeatability()
-    stray_light: StrayLight = StrayLight()
+    repeatability: options.Repeatability = options.Repeatability()
+    stray_light: options.StrayLight = options.StrayLight()
     light: LightSection
     sensitivity: SensitivitySection = SensitivitySection()
     scale: ScaleSection = ScaleSection()
@@ -322,9 +312,9 @@ class Shoot(Table):
     views: dict[str, ViewSection] = Field(default_factory=dict)
     materials: dict[str, MaterialSection] = Field(default_factory=dict)
     regions: dict[str, RegionSection] = Field(default_factory=dict)
-    reconstruct: Inversion = Inversion()
-    sampling: Sampling = Sampling()
-    picture: PictureOptions | None = None
+    reconstruct: options.Inversion = options.Inversion()
+    sampling: options.Sampling = options.Sampling()
+    picture: options.PictureOptions | None = None
 
     @property
     def flat(self) -> bool:
@@ -335,9 +325,9 @@ class Shoot(Table):
         return "regions" in self.model_fields_set and (bool(self.regions) or not scene_stated)
 
     @property
-    def steps(self) -> tuple[Step, ...]:
+    def steps(self) -> tuple[declared_steps.Step, ...]:
         """Of its measurement."""
-        return FLAT_STEPS if self.flat else SCENE_STEPS
+        return declared_steps.FLAT_STEPS if self.flat else declared_steps.SCENE_STEPS
 
     @property
     def surfaces(self) -> Mapping[str, SurfaceSection]:
@@ -350,7 +340,7 @@ class Shoot(Table):
         return {name: material.bsdf or name for name, material in self.materials.items()}
 
     @property
-    def box(self) -> BoxTable | None:
+    def box(self) -> box_tables.BoxTable | None:
         """The box that the scene is made from, where it is no file."""
         return None if self.scene is None else self.scene.box
 
@@ -396,7 +386,7 @@ class Shoot(Table):
         Without one of its own, the photo of flat samples shows the chart where its light is
         another, elsewhere or through a filter, or where the first photo shows it.
         """
-        shows_chart = self.flat and (lamp != FIRST_PHOTO or view.filter is not None
+        shows_chart = self.flat and (lamp != captured.FIRST_PHOTO or view.filter is not None
                                      or view.lamp is not None or self.photos.chart is None)
         return view.photo if view.chart is None and shows_chart else view.chart
 
@@ -409,7 +399,7 @@ class Shoot(Table):
             if self.views[name].lamp is not None:
                 return name
             passed.append(name)
-            name = self.views[name].same_light_as or FIRST_PHOTO
+            name = self.views[name].same_light_as or captured.FIRST_PHOTO
         return ""
 
     def _lamp_of(self, name: str) -> str:
@@ -426,8 +416,8 @@ class Shoot(Table):
             name = other
         light = self.views[name].light
         if light is None:
-            return FIRST_PHOTO
-        alike = [title for title, named in ((FIRST_PHOTO, self.light.spectrum),
+            return captured.FIRST_PHOTO
+        alike = [title for title, named in ((captured.FIRST_PHOTO, self.light.spectrum),
                                             *((other, view.light) for other, view
                                               in self.views.items())) if named == light]
         return alike[0] if light.stated else name

@@ -12,51 +12,27 @@ import numpy as np
 from spectrabox.measure.estimate import Estimate
 from spectrabox.measure.signals.options import SampleOptions
 from spectrabox.measure.signals.signal_capture import SignalCapture
-from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.error_model import split_errors, stated_causes
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding, Severity
-from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.grid import FINE_GRID, basis_matrix
 from spectrabox.radiometry.records.spectra import (
     Outcome,
     SpectralMeasurement,
     SpectrumSamples,
     SpectrumSummary,
 )
+from spectrabox.sampling import spectral_measurement
 from spectrabox.sampling.draw_methods import METHODS, draw_spectra
-from spectrabox.sampling.error_budget import METAMERISM
-from spectrabox.sampling.evaluation.scores_by_method import (
-    ScoredSpectrum,
-    SpectrumScores,
-    baselines,
-    judged,
-    judgement_text,
-)
-from spectrabox.sampling.further.more_measurements import (
-    Reading,
-    doubtful,
-    given_reflected_twice,
-    joined,
-    proposals_for,
-)
+from spectrabox.sampling.evaluation import metrics
+from spectrabox.sampling.further import more_measurements
 from spectrabox.sampling.polytope.bounds import bounds_of_many
 from spectrabox.sampling.polytope.refinement import sample_refined
+from spectrabox.sampling.prior import signal_posterior
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
-from spectrabox.sampling.prior.signal_posterior import (
-    enough_coefficients,
-    outcome_findings,
-    prior_named,
-    solve_posterior,
-)
 from spectrabox.sampling.prior.summaries import summaries
-from spectrabox.sampling.published.ranking_and_refinement import ranked, refined_as_published
-from spectrabox.sampling.spectral_measurement import (
-    check_measurement,
-    check_seed,
-    response_on,
-    spline_operator,
-)
-from spectrabox.sampling.summary import check_level, summarise
+from spectrabox.sampling.published.baselines import ranked, refined_as_published
+from spectrabox.sampling.summary import METAMERISM, check_level, summarise
 from spectrabox.sampling.uniform import as_spectra, into_reach
 
 MAX_SAMPLES = 5_000_000
@@ -117,7 +93,7 @@ def check_options(options: SampleOptions) -> None:
     if options.refine is not None and method == "prior":
         raise InputError("--refine belongs to splines; the learnt prior has none: take --method "
                          "uniform or paper")
-    check_seed(options.seed)
+    spectral_measurement.check_seed(options.seed)
     for name, number in (("samples", options.samples), ("coefficients", options.coefficients)):
         if not isinstance(number, int | np.integer):
             raise InputError(f"{name} {number!r} is no whole number")
@@ -130,13 +106,13 @@ def _estimate_from_draws(name: str, base: SpectralMeasurement, causes: Mapping[s
     """One estimate; ``base`` has the photo's noise alone, ``causes`` (K, K) those of all errors."""
     base = _with_all_errors(base, causes)
     more, twice = list(capture.more), capture.twice
-    measurement = base if options.keep is not None else joined(base, more)
+    measurement = base if options.keep is not None else more_measurements.joined(base, more)
     count = options.samples if twice is None or options.keep is not None \
-        else proposals_for(options.samples)
+        else more_measurements.proposals_for(options.samples)
     prior = posterior = None
     if options.method == "prior":
         prior = capture.prior or load_prior()
-        posterior = solve_posterior(prior, measurement)
+        posterior = signal_posterior.solve_posterior(prior, measurement)
         draws = posterior.samples(count, options.seed, options.coefficients)
     elif options.refine is not None:
         draws = _draw_refined(options, options.refine, measurement, count)
@@ -146,12 +122,13 @@ def _estimate_from_draws(name: str, base: SpectralMeasurement, causes: Mapping[s
     if options.keep is not None:
         draws = ranked(draws, base, more, None if twice is None else twice.signal, options.keep)
     elif twice is not None:
-        draws = given_reflected_twice(draws, twice, options.samples)
+        draws = more_measurements.given_reflected_twice(draws, twice, options.samples)
     # More measurements than coefficients leave no spline to bound: the signal alone then does, as
     # wide as it may be.
     over_determined = len(measurement.signal) >= draws.coefficients.shape[1]
     summary = summarise(draws, base if over_determined else measurement, options.level)
-    contradicting = doubtful(base, more, capture.prior or load_prior(), options.seed) \
+    contradicting = more_measurements.doubtful(base, more, capture.prior or load_prior(),
+                                               options.seed) \
         if more else None
     return Estimate(
         name, summary, base, causes, prior, draws, caveats=capture.caveats, solved=posterior,
@@ -175,7 +152,7 @@ def _draw_refined(options: SampleOptions, fine: int, measurement: SpectralMeasur
         method = (f"one solution of {coarse} coefficients refined to {fine} as published (far too "
                   "narrow)")
     else:
-        operator, _ = into_reach(spline_operator(measurement, coarse))
+        operator, _ = into_reach(spectral_measurement.spline_operator(measurement, coarse))
         refined = sample_refined(measurement, operator, fine, count, seed)
         method = f"uniform, refined from {coarse} to {fine} coefficients"
     return as_spectra(refined, method, seed, refined.outcome)
@@ -188,16 +165,17 @@ def _estimate_without_draws(capture: SignalCapture,
     prior = capture.prior or load_prior()
     first = measurement_of_signal(capture.relative_response, capture.signals[0], capture.white,
                                   capture.noise)
-    check_measurement(first)
+    spectral_measurement.check_measurement(first)
     y = relative_to_white(np.asarray(capture.signals), capture.white)
     photo_noise = np.broadcast_to(first.noise_covariance, (len(y), *first.noise_covariance.shape))
     causes = stated_causes(y, photo_noise, capture.light_error, capture.sensitivity_error)
     total = np.sum(list(causes.values()), axis=0)
-    coefficients = enough_coefficients(options.coefficients, first.signal.size)
+    coefficients = signal_posterior.enough_coefficients(options.coefficients, first.signal.size)
     bound_lower, bound_upper = bounds_of_many(
-        spline_operator(first, coefficients).A, y, total,
+        spectral_measurement.spline_operator(first, coefficients).A, y, total,
         basis_matrix(PRIOR_GRID.nm, coefficients), options.level)
-    summary = summaries(prior, response_on(first, PRIOR_GRID), y, causes, options.level)
+    summary = summaries(prior, spectral_measurement.response_on(first, PRIOR_GRID), y, causes,
+                        options.level)
     estimates = []
     for row, (name, outcome) in enumerate(zip(capture.names, summary.outcome, strict=True)):
         own = {cause: covariance[row] for cause, covariance in causes.items()}
@@ -208,9 +186,9 @@ def _estimate_without_draws(capture: SignalCapture,
         shares = dict(zip(prior.families, summary.family_shares[row].tolist(), strict=True))
         mean, deviation, lower, upper = (curves[row].round(CURVE_DIGITS) for curves in (
             summary.mean, summary.standard_deviation, summary.lower, summary.upper))
-        conditional_on = (
-            Finding("band.closed-form", Severity.INFO, values={"method": prior_named(outcome)}),
-            *outcome_findings(outcome, prior.stated, shares))
+        conditional_on = (Finding("band.closed-form", Severity.INFO,
+                                  values={"method": signal_posterior.prior_named(outcome)}),
+                          *signal_posterior.outcome_findings(outcome, prior.stated, shares))
         estimates.append(Estimate(
             name, SpectrumSummary(
                 PRIOR_GRID, mean, deviation, lower, upper, bound_lower[row], bound_upper[row],
@@ -235,7 +213,7 @@ class Comparison:
     """
 
     baselines: dict[str, np.ndarray | None] | None
-    judged: dict[str, SpectrumScores] | None
+    judged: dict[str, metrics.SpectrumScores] | None
 
     def facts(self) -> dict[str, object]:
         """For JSON; none of what does not apply."""
@@ -244,7 +222,7 @@ class Comparison:
     def text(self, estimate: Estimate) -> str:
         """For a person, beside the estimate that was compared."""
         if self.judged is not None:
-            return judgement_text([ScoredSpectrum("signal", method, scores)
+            return metrics.judgement_text([metrics.ScoredSpectrum("signal", method, scores)
                                    for method, scores in self.judged.items()])
         shown = np.flatnonzero(estimate.nm % BASELINE_NM == 0)
         lines = [f"{'nm':<22}" + "".join(f"{nm:7.0f}" for nm in estimate.nm[shown])]
@@ -273,13 +251,14 @@ def compared(estimate: Estimate, options: SampleOptions, truth: np.ndarray | Non
         The greedy sampler has no draws for some signals that can be reached.
     """
     assert estimate.measurement is not None and estimate.samples is not None
-    others = baselines(estimate.measurement, options.samples, options.seed, options.coefficients) \
+    others = metrics.baselines(estimate.measurement, options.samples, options.seed,
+                               options.coefficients) \
         if with_baselines else {}
     scores = None
     if truth is not None:
         spectra = estimate.samples.spectra
         ours = {options.method: (spectra.mean(axis=0), spectra)}
-        scores = {name: judged(PRIOR_GRID.nm, truth, other[0], lights, other[1])
+        scores = {name: metrics.judged(PRIOR_GRID.nm, truth, other[0], lights, other[1])
                   for name, other in (ours | others).items() if other is not None}
     singles = {name: None if other is None else other[0] for name, other in others.items()}
     return Comparison(singles if with_baselines else None, scores)
@@ -339,7 +318,7 @@ def listed(values: np.ndarray) -> str:
 
 
 def reading_at(nm: float, reflectance: float, error: float = READING_ERROR,
-               fwhm_nm: float = 0.0) -> Reading:
+               fwhm_nm: float = 0.0) -> more_measurements.Reading:
     """A reading at one wavelength, or through a Gaussian band of that full width at half maximum.
 
     Raises
@@ -347,9 +326,9 @@ def reading_at(nm: float, reflectance: float, error: float = READING_ERROR,
     InputError
         As `Reading.at_wavelength`.
     """
-    narrow = Reading.at_wavelength(nm, reflectance, error)
+    narrow = more_measurements.Reading.at_wavelength(nm, reflectance, error)
     if fwhm_nm <= 0:
         return narrow
     weights = np.exp(-0.5 * ((FINE_GRID.nm - nm) / (fwhm_nm * FWHM_TO_SD))**2)
-    return Reading(f"the reading at {nm:g} nm, {fwhm_nm:g} nm wide", FINE_GRID.nm, weights,
-                   reflectance, error)
+    return more_measurements.Reading(f"the reading at {nm:g} nm, {fwhm_nm:g} nm wide", FINE_GRID.nm,
+                                     weights, reflectance, error)

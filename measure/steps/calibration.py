@@ -11,21 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.calibrate import chart_findings
-from spectrabox.calibrate.chart_calibration import (
-    CalibrationOptions,
-    ChartCalibration,
-    calibrate_chart,
-    calibration_from_curves,
-    through_filter,
-)
+from spectrabox.calibrate import chart_calibration, chart_findings, light_error
 from spectrabox.calibrate.chart_photo import ChartPhoto
-from spectrabox.calibrate.light_error import OTHER_LIGHT, SAME_LIGHT, light_difference
-from spectrabox.calibrate.prior.plain_priors import prior_of_curves
+from spectrabox.calibrate.prior.camera_prior import prior_of_curves
 from spectrabox.calibrate.sensitivity import PriorFit
 from spectrabox.calibrate.trust import certain_glare
 from spectrabox.capture.chart import quality
-from spectrabox.measure.captured import Capture, FlatCapture, SceneCapture, View
+from spectrabox.measure import captured
 from spectrabox.measure.opened_photos import require_curves_of_bands
 from spectrabox.measure.records import (
     CalibrationRecords,
@@ -53,12 +45,13 @@ class _Fits:
 
     calibrations: dict[str, Calibration]        # by view
     whites: dict[str, ChartWhite]               # by view, of fits with the prior
-    first: ChartCalibration | None              # of the first chart photo; None: no photo has one
+    # of the first chart photo; None: no photo has one
+    first: chart_calibration.ChartCalibration | None
     held_out: dict[str, HeldOutPatches]         # by the first view of each fit
     findings: tuple[Finding, ...]
 
 
-def calibrate_flat(capture: FlatCapture, records: CaptureRecords,
+def calibrate_flat(capture: captured.FlatCapture, records: CaptureRecords,
                    work: Work) -> CalibrationRecords:
     """Patch statistics and lights to one camera, and to the light of every view; the light over
     each chart is a smooth field that the fit estimates.
@@ -90,7 +83,7 @@ def calibrate_flat(capture: FlatCapture, records: CaptureRecords,
     return _records(dataclasses.replace(fits, findings=(*of_lights, *fits.findings)), charts, field)
 
 
-def calibrate_scene(capture: SceneCapture, records: CaptureRecords,
+def calibrate_scene(capture: captured.SceneCapture, records: CaptureRecords,
                     work: Work) -> CalibrationRecords:
     """Patch statistics and lights to one camera, and to the light and its scale of every view;
     where it is stated how light and chart stood, the irradiance of the chart is rendered.
@@ -113,7 +106,7 @@ def calibrate_scene(capture: SceneCapture, records: CaptureRecords,
     work.progress(0.6, "fitting sensitivities")
     photos = _chart_photos(capture, records, irradiance)
     chosen = capture.sensitivity
-    fits = _fitted(capture, _fits_of_scene(capture), photos, CalibrationOptions(
+    fits = _fitted(capture, _fits_of_scene(capture), photos, chart_calibration.CalibrationOptions(
         chosen.method or "prior", chosen.prior, curves=chosen.curves))
     on_chart = photos[""].irradiance_or_pi if "" in photos else np.zeros(0)
     if irradiance is None:
@@ -124,7 +117,7 @@ def calibrate_scene(capture: SceneCapture, records: CaptureRecords,
                                                *made.findings))
 
 
-def _chart_photos(capture: Capture, records: CaptureRecords,
+def _chart_photos(capture: captured.Capture, records: CaptureRecords,
                   irradiance: np.ndarray | None) -> dict[str, ChartPhoto]:
     """The charts as their fits take them, by view."""
     bands = capture.band_names(records.photo.bands)
@@ -136,8 +129,9 @@ def _chart_photos(capture: Capture, records: CaptureRecords,
     return {view.name: photo for view, photo in zip(views, photos, strict=True)}
 
 
-def _fitted(capture: Capture, groups: list[list[View]], photos: Mapping[str, ChartPhoto],
-            options: CalibrationOptions) -> _Fits:
+def _fitted(capture: captured.Capture, groups: list[list[captured.View]],
+            photos: Mapping[str,
+                            ChartPhoto], options: chart_calibration.CalibrationOptions) -> _Fits:
     """One camera, and the light of every view, of each group of views.
 
     With the method ``prior`` the charts of a group are one fit; other methods fit the camera to the
@@ -187,20 +181,22 @@ def _fitted(capture: Capture, groups: list[list[View]], photos: Mapping[str, Cha
                                    fitted.index(view.name) if several else 0)
             own = _of_view(camera, view, scale)
             if prior_fit is not None and view.chart:
-                own = through_filter(own, prior_fit, fitted.index(view.name), FINE_GRID)
+                own = chart_calibration.through_filter(own, prior_fit, fitted.index(view.name),
+                                                       FINE_GRID)
             calibrations[view.name] = own
     return _Fits(calibrations, whites, of_first, held_out, tuple(findings))
 
 
-def _camera_of_curves(capture: Capture, view: View) -> Calibration:
+def _camera_of_curves(capture: captured.Capture, view: captured.View) -> Calibration:
     """A camera of measured curves, which no chart is needed for."""
     chosen = capture.sensitivity
     assert chosen.curves is not None
-    return calibration_from_curves(FINE_GRID, chosen.curves, require_spectrum(view.light),
-                                   chosen.relative_error)
+    return chart_calibration.calibration_from_curves(FINE_GRID, chosen.curves,
+                                                     require_spectrum(view.light),
+                                                     chosen.relative_error)
 
 
-def _of_view(camera: Calibration, view: View, scale: LightScale | None) -> Calibration:
+def _of_view(camera: Calibration, view: captured.View, scale: LightScale | None) -> Calibration:
     """The calibration of a further view."""
     light = view.light_of_fit
     return dataclasses.replace(camera, light_scale=scale, light=camera.light if isinstance(
@@ -244,18 +240,18 @@ def require_spectrum(light: Spectrum | UnknownLight) -> Spectrum:
     return light
 
 
-def _fits_of_scene(capture: SceneCapture) -> list[list[View]]:
+def _fits_of_scene(capture: captured.SceneCapture) -> list[list[captured.View]]:
     """Views whose charts are one fit: all, or where a light is unknown each chart, the first of
     them with the views that have none.
     """
-    views: list[View] = list(capture.views)
+    views: list[captured.View] = list(capture.views)
     if all(view.spectrum_stated for view in views):
         return [views]
     first = [view for view in views if not view.name or not view.chart]
     return [first, *([view] for view in views[1:] if view.chart)]
 
 
-def _fits_of_flat(capture: FlatCapture) -> list[list[View]]:
+def _fits_of_flat(capture: captured.FlatCapture) -> list[list[captured.View]]:
     """Views whose charts are one fit: all, or where a light is unknown those under each lamp, with
     and without filters.
     """
@@ -267,8 +263,8 @@ def _fits_of_flat(capture: FlatCapture) -> list[list[View]]:
             for lamp in dict.fromkeys(view.lamp for view in views)]
 
 
-def _groups_by_light(capture: FlatCapture, charts: Mapping[str, MeasuredChart]
-                     ) -> tuple[list[list[View]], tuple[Finding, ...]]:
+def _groups_by_light(capture: captured.FlatCapture, charts: Mapping[str, MeasuredChart]
+                     ) -> tuple[list[list[captured.View]], tuple[Finding, ...]]:
     """Views of flat samples under each light: as stated, where no chart contradicts it, and lights
     that nobody measured as one where their charts show one; with a finding for each of those.
 
@@ -277,17 +273,17 @@ def _groups_by_light(capture: FlatCapture, charts: Mapping[str, MeasuredChart]
     CheckError
         If photos that are stated to be under one lamp show two.
     """
-    def difference(first: View, other: View) -> float:
-        return light_difference(charts[first.name].samples, charts[other.name].samples,
+    def difference(first: captured.View, other: captured.View) -> float:
+        return light_error.light_difference(charts[first.name].samples, charts[other.name].samples,
                                 capture.layout.centres_uv)
 
-    groups: list[list[View]] = []
+    groups: list[list[captured.View]] = []
     findings: tuple[Finding, ...] = ()
     for views in _fits_of_flat(capture):
         first = views[0]
         for view in views[1:]:
             if view.chart and view.same_light(first) and (
-                    shown := difference(first, view)) > OTHER_LIGHT:
+                    shown := difference(first, view)) > light_error.OTHER_LIGHT:
                 remedy = "put the lamp lower, where no patch mirrors it, and light nothing else" \
                     if view.moved else "give the view a light of its own (light = \"unknown\")"
                 raise CheckError(
@@ -297,7 +293,7 @@ def _groups_by_light(capture: FlatCapture, charts: Mapping[str, MeasuredChart]
         before = None
         if not any(view.light_stated for view in capture.views):
             before = next((group for group in groups
-                           if difference(group[0], first) < SAME_LIGHT), None)
+                           if difference(group[0], first) < light_error.SAME_LIGHT), None)
         if before is None:
             groups.append(views)
         else:
@@ -307,7 +303,7 @@ def _groups_by_light(capture: FlatCapture, charts: Mapping[str, MeasuredChart]
     return groups, findings
 
 
-def _options_of_flat(capture: FlatCapture) -> CalibrationOptions:
+def _options_of_flat(capture: captured.FlatCapture) -> chart_calibration.CalibrationOptions:
     """Options of every fit. Measured curves of a camera before flat samples are the middle of a
     prior, since only a fit gives the field over the chart.
     """
@@ -315,7 +311,7 @@ def _options_of_flat(capture: FlatCapture) -> CalibrationOptions:
     prior = chosen.prior
     if chosen.curves is not None:
         prior = prior_of_curves(FINE_GRID, chosen.curves, chosen.relative_error)
-    return CalibrationOptions(chosen.method or "prior", prior)
+    return chart_calibration.CalibrationOptions(chosen.method or "prior", prior)
 
 
 def _own_scale(photo: ChartPhoto, camera: Calibration, prior_fit: PriorFit | None,
@@ -332,11 +328,11 @@ def _own_scale(photo: ChartPhoto, camera: Calibration, prior_fit: PriorFit | Non
         return None
     if prior_fit is not None:
         return prior_fit.photos[index].light_scale
-    options = CalibrationOptions(curves=camera.sensitivity.curves)
-    return calibrate_chart([photo], FINE_GRID, options).scale
+    options = chart_calibration.CalibrationOptions(curves=camera.sensitivity.curves)
+    return chart_calibration.calibrate_chart([photo], FINE_GRID, options).scale
 
 
-def _irradiance(capture: SceneCapture, work: Work) -> np.ndarray | None:
+def _irradiance(capture: captured.SceneCapture, work: Work) -> np.ndarray | None:
     """On each patch for a light spectrum of 1; None where the geometry is not known."""
     if capture.chart_scene is None:
         return None
@@ -344,7 +340,7 @@ def _irradiance(capture: SceneCapture, work: Work) -> np.ndarray | None:
     return chart_fit.irradiance_on(capture.layout, capture.chart_scene, capture.seed, work.device)
 
 
-def _with_lamp_error(capture: SceneCapture,
+def _with_lamp_error(capture: captured.SceneCapture,
                      calibrations: Mapping[str, Calibration]) -> dict[str, Calibration]:
     """With what the lamp's position in the chart scene leaves open in every light scale from a
     chart.
@@ -356,7 +352,7 @@ def _with_lamp_error(capture: SceneCapture,
             for name, calibration in calibrations.items()}
 
 
-def _uneven_light(capture: SceneCapture, charts: Mapping[str, MeasuredChart],
+def _uneven_light(capture: captured.SceneCapture, charts: Mapping[str, MeasuredChart],
                   irradiance: np.ndarray) -> tuple[Finding, ...]:
     """Chart photos whose light changes by more than lamp and chart in their places explain."""
     return tuple(finding for view in capture.views_with_chart

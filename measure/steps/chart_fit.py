@@ -9,25 +9,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from spectrabox.calibrate.chart_calibration import (
-    CalibrationOptions,
-    ChartCalibration,
-    calibrate_chart,
-)
+from spectrabox.calibrate import chart_calibration
 from spectrabox.calibrate.chart_photo import ChartPhoto, first_date
 from spectrabox.capture.chart.detection import find_chart, find_chart_again
 from spectrabox.capture.chart.patches import require_unclipped, sample_patches
 from spectrabox.measure.captured import LitChart
 from spectrabox.measure.held_out_spectra import held_out_patches
 from spectrabox.radiometry.chart import Chart
-from spectrabox.radiometry.charts.classic_copies import editions
+from spectrabox.radiometry.charts.references import editions
 from spectrabox.radiometry.error_model import LAMP_AT_CHART, with_common_error
 from spectrabox.radiometry.errors import ChartNotFoundError
+from spectrabox.radiometry.records import spectra
 from spectrabox.radiometry.records.calibration import Calibration, Filter, HeldOutPatches
 from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PatchSamples
-from spectrabox.radiometry.records.spectra import Spectrum, UnknownLight, WavelengthGrid
-from spectrabox.reconstruct.rendering.irradiance import lamp_position_error, patch_irradiance
-from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.reconstruct.rendering import renderer
 from spectrabox.reconstruct.scene.scene_file import SceneFile
 
 
@@ -89,10 +84,11 @@ def patches(photo: LinearImage, detection: ChartDetection, layout: Chart, name: 
     return samples
 
 
-def as_fitted(samples: Sequence[PatchSamples], charts: Iterable[LitChart],
-              lights: Iterable[Spectrum | UnknownLight], irradiance: np.ndarray | None = None,
-              filters: Iterable[Filter | None] | None = None,
-              bands: tuple[str, ...] = ()) -> list[ChartPhoto]:
+def as_fitted(
+    samples: Sequence[PatchSamples], charts: Iterable[LitChart],
+    lights: Iterable[spectra.Spectrum | spectra.UnknownLight], irradiance: np.ndarray | None = None,
+    filters: Iterable[Filter | None] | None = None, bands: tuple[str,
+                                                                 ...] = ()) -> list[ChartPhoto]:
     """Charts in photos as their fits take them. One of which nobody stated the reflectances is a
     copy of an edition that was sold by the day of the first photo.
 
@@ -118,8 +114,10 @@ def as_fitted(samples: Sequence[PatchSamples], charts: Iterable[LitChart],
     return photos
 
 
-def fit(photos: Sequence[ChartPhoto], grid: WavelengthGrid, options: CalibrationOptions | None
-        ) -> tuple[ChartCalibration, HeldOutPatches]:
+def fit(
+    photos: Sequence[ChartPhoto], grid: spectra.WavelengthGrid,
+    options: chart_calibration.CalibrationOptions | None
+) -> tuple[chart_calibration.ChartCalibration, HeldOutPatches]:
     """One camera and the lights of its photos, with every patch of the first by a fit without it.
 
     Parameters
@@ -134,21 +132,22 @@ def fit(photos: Sequence[ChartPhoto], grid: WavelengthGrid, options: Calibration
     InputError, CheckError, CalibrationError
         As ``calibrate_chart``.
     """
-    fitted = calibrate_chart(photos, grid, options)
+    fitted = chart_calibration.calibrate_chart(photos, grid, options)
     return fitted, held_out_patches(fitted, fitted.reflectances)
 
 
 def irradiance_on(layout: Chart, scene: SceneFile, seed: int, device: str) -> np.ndarray:
     """On each patch (I,) of a chart in a scene, for a light spectrum of 1, as it is rendered."""
-    start_mitsuba(device)
-    return patch_irradiance(scene, layout.centres_uv, layout.sizes_uv, seed)
+    renderer.start_mitsuba(device)
+    return renderer.patch_irradiance(scene, layout.centres_uv, layout.sizes_uv, seed)
 
 
 def lamp_error(layout: Chart, scene: SceneFile, position_error: float, seed: int) -> float:
     """Relative standard error of that irradiance by the lamp's position, which errs by a part of
     its distance from the chart.
     """
-    return lamp_position_error(scene, layout.centres_uv, layout.sizes_uv, position_error, seed)
+    return renderer.lamp_position_error(scene, layout.centres_uv, layout.sizes_uv, position_error,
+                                        seed)
 
 
 def with_lamp_error(calibration: Calibration, error: float) -> Calibration:

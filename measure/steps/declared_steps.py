@@ -9,18 +9,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from spectrabox.measure.captured import (
-    ONE_PHOTO,
-    Capture,
-    FlatCapture,
-    PhotoFiles,
-    SceneCapture,
-    SceneView,
-)
+from spectrabox.measure import captured
 from spectrabox.reconstruct.scene.scene_file import SceneFile
 
 
-def inputs_of_charts(capture: Capture) -> dict[str, Any]:
+def inputs_of_charts(capture: captured.Capture) -> dict[str, Any]:
     """What of a capture the charts depend on."""
     chart = capture.lit_chart
     return {"chart": [chart.layout, chart.reflectances, chart.stated, chart.corners_px],
@@ -29,23 +22,23 @@ def inputs_of_charts(capture: Capture) -> dict[str, Any]:
             "channels": channels_from(capture)}
 
 
-def lights_of(capture: Capture) -> dict[str, Any]:
+def lights_of(capture: captured.Capture) -> dict[str, Any]:
     """What is stated of the light of each view."""
     return {view.name: [view.light, view.place, view.filter, view.filter_words]
             for view in capture.views}
 
 
-def channels_from(capture: Capture) -> list[PhotoFiles | bool]:
+def channels_from(capture: captured.Capture) -> list[captured.PhotoFiles | bool]:
     """What tells the channels of each band of a table of photos; nothing of a colour camera: the
     photo that shows them, and whether there are curves, one for each photo.
     """
-    if ONE_PHOTO in capture.views[0].photo:
+    if captured.ONE_PHOTO in capture.views[0].photo:
         return []
     return [*(view.chart for view in capture.views_with_chart[:1]),
             capture.sensitivity.curves is not None]
 
 
-def inputs_of_flat_photos(capture: FlatCapture) -> dict[str, Any]:
+def inputs_of_flat_photos(capture: captured.FlatCapture) -> dict[str, Any]:
     """What of a capture the signals of regions depend on."""
     return {"photos": {view.name: view.photo for view in capture.views},
             "regions": {name: [region.outline, region.photos]
@@ -54,7 +47,7 @@ def inputs_of_flat_photos(capture: FlatCapture) -> dict[str, Any]:
             "channels": channels_from(capture)}
 
 
-def inputs_of_scene_photos(capture: SceneCapture) -> dict[str, Any]:
+def inputs_of_scene_photos(capture: captured.SceneCapture) -> dict[str, Any]:
     """What of a capture the photos of a scene depend on."""
     return {"photos": {view.name: [view.photo, view.lens] for view in capture.views},
             "scenes": {view.name: _film_of(view) for view in capture.views},
@@ -62,7 +55,7 @@ def inputs_of_scene_photos(capture: SceneCapture) -> dict[str, Any]:
             "channels": channels_from(capture)}
 
 
-def _film_of(view: SceneView) -> list[Any]:
+def _film_of(view: captured.SceneView) -> list[Any]:
     """What of its scene a photo depends on: the size of the film; of a measured box, whose film has
     the photo's own, the lens that a COLMAP model knows.
     """
@@ -73,7 +66,7 @@ def _film_of(view: SceneView) -> list[Any]:
     return [scene.taken] if image is None else [scene.taken, scene.model[image].lens]
 
 
-def inputs_of_calibration(capture: Capture) -> dict[str, Any]:
+def inputs_of_calibration(capture: captured.Capture) -> dict[str, Any]:
     """What of a capture the calibration depends on."""
     chart = capture.chart
     return {"lights": lights_of(capture), "sensitivity": capture.sensitivity,
@@ -82,7 +75,7 @@ def inputs_of_calibration(capture: Capture) -> dict[str, Any]:
             "lamp position": capture.repeatability.lamp_position}
 
 
-def inputs_of_signals(capture: FlatCapture) -> dict[str, Any]:
+def inputs_of_signals(capture: captured.FlatCapture) -> dict[str, Any]:
     """What of a capture the signals depend on."""
     return {"known": capture.known, "known errors": capture.known_errors,
             "families": capture.families,
@@ -91,7 +84,7 @@ def inputs_of_signals(capture: FlatCapture) -> dict[str, Any]:
             "seed": capture.seed}
 
 
-def inputs_of_inversion(capture: SceneCapture) -> dict[str, Any]:
+def inputs_of_inversion(capture: captured.SceneCapture) -> dict[str, Any]:
     """What of a capture the inversion depends on."""
     learnt = capture.inversion.spectrum_prior == "learnt"
     return {"materials": {name: [material.bsdf, material.known, material.surface,
@@ -107,12 +100,12 @@ def inputs_of_inversion(capture: SceneCapture) -> dict[str, Any]:
             "seed": capture.seed}
 
 
-def inputs_of_spectra(capture: Capture) -> dict[str, Any]:
+def inputs_of_spectra(capture: captured.Capture) -> dict[str, Any]:
     """What of a capture the draws depend on."""
     return {"sampling": capture.sampling, "families": capture.families, "seed": capture.seed}
 
 
-def inputs_of_flat_picture(capture: FlatCapture) -> dict[str, Any]:
+def inputs_of_flat_picture(capture: captured.FlatCapture) -> dict[str, Any]:
     """What of a capture the picture depends on; it shows no regions but the known ones."""
     return {"picture": capture.picture, "seed": capture.seed,
             "photos": {view.name: view.photo for view in capture.picture_views},
@@ -122,7 +115,7 @@ def inputs_of_flat_picture(capture: FlatCapture) -> dict[str, Any]:
             "stray light": capture.stray_light}
 
 
-def inputs_of_scene_picture(capture: SceneCapture) -> dict[str, Any]:
+def inputs_of_scene_picture(capture: captured.SceneCapture) -> dict[str, Any]:
     """What of a capture the picture depends on."""
     first = capture.views[0]
     return {"picture": capture.picture, "photo": [first.photo, first.lens], "scene": first.scene,
@@ -159,9 +152,9 @@ SCENE_PICTURE = Step("picture", inputs_of_scene_picture, ("calibrate", "reconstr
 SCENE_STEPS = (CHART, SCENE_PHOTOS, SCENE_CALIBRATION, INVERSION, SCENE_SPECTRA, SCENE_PICTURE)
 
 
-def steps_of(capture: Capture) -> tuple[Step, ...]:
+def steps_of(capture: captured.Capture) -> tuple[Step, ...]:
     """The steps that a capture needs, in order."""
-    steps = FLAT_STEPS if isinstance(capture, FlatCapture) else SCENE_STEPS
+    steps = FLAT_STEPS if isinstance(capture, captured.FlatCapture) else SCENE_STEPS
     return needed_steps(steps, bool(capture.views_with_chart), capture.picture is not None)
 
 

@@ -9,26 +9,21 @@ import numpy as np
 from spectrabox.measure.captured import SceneCapture, SceneView
 from spectrabox.measure.opened_photos import require_one_camera
 from spectrabox.measure.records import CaptureRecords, ReconstructionRecords
+from spectrabox.measure.scene import photo_errors
 from spectrabox.measure.scene.box_camera import scene_of
 from spectrabox.measure.scene.draws import require_one_transport
 from spectrabox.measure.scene.geometry import box_scenes, scene_geometry
-from spectrabox.measure.scene.light_strength import learnt_spectra, scale_from_prior
-from spectrabox.measure.scene.photo_errors import StatedErrors, with_stray_light
 from spectrabox.measure.steps.work import Work
 from spectrabox.measure.surfaces.surface_signals import scene_signals
-from spectrabox.radiometry.error_model import (
-    REPEATABILITY,
-    SCENE_LEVEL,
-    with_common_error,
-)
+from spectrabox.radiometry import error_model
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.light_scale import scale_for_photo
 from spectrabox.radiometry.records.calibration import Calibration, LightScale
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.records.spectra import Progress
-from spectrabox.reconstruct.inverse_rendering import SINGLE_VIEW, reconstruct_views, settings_for
+from spectrabox.reconstruct import inverse_rendering
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
-from spectrabox.reconstruct.scene.scene_file import SceneFile, check_materials, not_plain_products
+from spectrabox.reconstruct.scene import scene_file
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.transport_engine import require_lit
 from spectrabox.reconstruct.view import MaterialSpec, PhotoView
@@ -63,14 +58,15 @@ def invert_photos(capture: SceneCapture, records: CaptureRecords,
     _require_picture(capture, views)
     settings = settings_of(capture)
     views = _with_estimated_scale(capture, views, settings, work.progress)
-    joint = reconstruct_views(views, settings, work.progress, work.checkpoint(TRACE))
-    joint = with_stray_light(joint, stated_errors(capture, records, views))
+    joint = inverse_rendering.reconstruct_views(views, settings, work.progress,
+                                                work.checkpoint(TRACE))
+    joint = photo_errors.with_stray_light(joint, stated_errors(capture, records, views))
     return ReconstructionRecords(joint, scene_signals(joint, records.calibrations(capture.views)),
                                  scene_geometry(capture), box_scenes(capture))
 
 
 def stated_errors(capture: SceneCapture, records: CaptureRecords, views: Sequence[PhotoView]
-                  ) -> StatedErrors:
+                  ) -> photo_errors.StatedErrors:
     """What is stated of errors of the photos; surfaces that the scene says to be glossy mirror what
     it says.
 
@@ -80,8 +76,8 @@ def stated_errors(capture: SceneCapture, records: CaptureRecords, views: Sequenc
     records : CaptureRecords
     views : sequence of PhotoView
     """
-    modelled = {bsdf for view in views for bsdf in not_plain_products(view.scene_file)}
-    return StatedErrors(glare_error(capture, records), capture.stray_light.ambient,
+    modelled = {bsdf for view in views for bsdf in scene_file.not_plain_products(view.scene_file)}
+    return photo_errors.StatedErrors(glare_error(capture, records), capture.stray_light.ambient,
                         {name: material.surface
                          for name, material in capture.materials.items()
                          if material.known is None and capture.bsdfs[name] not in modelled})
@@ -117,11 +113,13 @@ def require_invertible(capture: SceneCapture, records: CaptureRecords, device: s
     start_mitsuba(device)
     views = views_of(capture, records)
     _require_picture(capture, views)
-    settings, _ = settings_for(views, settings_of(capture))
+    settings, _ = inverse_rendering.settings_for(views, settings_of(capture))
     if capture.sampling.through == "transport":
-        alike = settings.engine not in SINGLE_VIEW and not any(view.own_lights for view in views)
+        alike = settings.engine not in inverse_rendering.SINGLE_VIEW and not any(view.own_lights
+                                                                                 for view in views)
         require_one_transport(len(views), alike)
-    return None if settings.engine in SINGLE_VIEW else require_lit(views, settings)
+    return None if settings.engine in inverse_rendering.SINGLE_VIEW else require_lit(
+        views, settings)
 
 
 def _require_picture(capture: SceneCapture, views: Sequence[PhotoView]) -> None:
@@ -129,7 +127,7 @@ def _require_picture(capture: SceneCapture, views: Sequence[PhotoView]) -> None:
     traced.
     """
     scene = views[0].scene_file
-    if capture.picture is not None and (others := not_plain_products(scene)):
+    if capture.picture is not None and (others := scene_file.not_plain_products(scene)):
         raise InputError(f"[picture] takes diffuse surfaces only, and {', '.join(others)} of "
                          f"{scene.path.name} is coated or glossy: leave [picture] out, or make "
                          "them diffuse and expect their highlights to be masked")
@@ -164,11 +162,11 @@ def views_of(capture: SceneCapture, records: CaptureRecords) -> list[PhotoView]:
 def settings_of(capture: SceneCapture) -> InversionSettings:
     """The settings of the inversion, with the learnt prior where it is asked for."""
     chosen = capture.inversion
-    learnt = learnt_spectra(()) if chosen.spectrum_prior == "learnt" else None
+    learnt = photo_errors.learnt_spectra(()) if chosen.spectrum_prior == "learnt" else None
     return InversionSettings(**chosen.settings(), seed=capture.seed, learnt=learnt)
 
 
-def materials_of(capture: SceneCapture, scene: SceneFile) -> tuple[MaterialSpec, ...]:
+def materials_of(capture: SceneCapture, scene: scene_file.SceneFile) -> tuple[MaterialSpec, ...]:
     """Materials of the capture with their known spectra on the working grid, or what is expected of
     their families.
 
@@ -184,13 +182,14 @@ def materials_of(capture: SceneCapture, scene: SceneFile) -> tuple[MaterialSpec,
     """
     require_materials(scene, capture.bsdfs)
     learnt = capture.inversion.spectrum_prior == "learnt"
-    return tuple(MaterialSpec(name, capture.bsdfs[name], material.known,
-                              learnt_spectra(material.families) if material.families and learnt
-                              else None)
-                 for name, material in capture.materials.items())
+    return tuple(
+        MaterialSpec(
+            name, capture.bsdfs[name], material.known,
+            photo_errors.learnt_spectra(material.families) if material.families and learnt else None
+        ) for name, material in capture.materials.items())
 
 
-def require_materials(scene: SceneFile, bsdfs: dict[str, str]) -> None:
+def require_materials(scene: scene_file.SceneFile, bsdfs: dict[str, str]) -> None:
     """Refuse a scene whose BSDFs are not those of the materials.
 
     Parameters
@@ -204,7 +203,7 @@ def require_materials(scene: SceneFile, bsdfs: dict[str, str]) -> None:
     InputError
         One sentence a line.
     """
-    problems = check_materials(scene, bsdfs)
+    problems = scene_file.check_materials(scene, bsdfs)
     if problems:
         raise InputError("\n".join(problems))
 
@@ -215,7 +214,7 @@ def _with_estimated_scale(capture: SceneCapture, views: list[PhotoView],
     known = any(material.known is not None for material in capture.materials.values())
     if known or any(view.light_scale is not None for view in views):
         return views
-    return [dataclasses.replace(view, light_scale=scale_from_prior(
+    return [dataclasses.replace(view, light_scale=photo_errors.scale_from_prior(
         view, settings, capture.families, progress)) for view in views]
 
 
@@ -248,9 +247,10 @@ def scale_of_view(capture: SceneCapture, view: SceneView, photo: LinearImage,
     chart = None if with_chart is None else records.chart.charts.get(with_chart.name)
     if with_chart is None or chart is None or calibration.light_scale is None:
         return None
-    scale = with_common_error(
+    scale = error_model.with_common_error(
         scale_for_photo(calibration.light_scale, chart.thumbnail, photo),
-        SCENE_LEVEL, capture.repeatability.scene_level)
+        error_model.SCENE_LEVEL, capture.repeatability.scene_level)
     if with_chart.chart == view.photo:
         return scale
-    return with_common_error(scale, REPEATABILITY, capture.repeatability.relative_error)
+    return error_model.with_common_error(scale, error_model.REPEATABILITY,
+                                         capture.repeatability.relative_error)

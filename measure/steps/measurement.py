@@ -14,47 +14,30 @@ from typing import Any, Protocol, cast
 from spectrabox.measure.captured import Capture
 from spectrabox.measure.opened_photos import OpenPhotos
 from spectrabox.measure.records import CaptureRecords, KeptRecord, Kind
+from spectrabox.measure.steps import declared_steps
 from spectrabox.measure.steps.calibration import calibrate_flat, calibrate_scene
-from spectrabox.measure.steps.charts import find_charts
-from spectrabox.measure.steps.declared_steps import (
-    CHART,
-    FLAT_CALIBRATION,
-    FLAT_PHOTOS,
-    FLAT_PICTURE,
-    FLAT_SPECTRA,
-    INVERSION,
-    SCENE_CALIBRATION,
-    SCENE_PHOTOS,
-    SCENE_PICTURE,
-    SCENE_SPECTRA,
-    SIGNALS,
-    Step,
-    steps_of,
-)
-from spectrabox.measure.steps.flat_picture import flat_picture
 from spectrabox.measure.steps.inversion import invert_photos
-from spectrabox.measure.steps.photos import measure_flat_photos, measure_scene_photos
-from spectrabox.measure.steps.scene_picture import scene_picture
-from spectrabox.measure.steps.signals import find_signals
-from spectrabox.measure.steps.spectra import draw_surfaces
+from spectrabox.measure.steps.photos import find_charts, measure_flat_photos, measure_scene_photos
+from spectrabox.measure.steps.pictures import flat_picture, scene_picture
+from spectrabox.measure.steps.signals import draw_surfaces, find_signals
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.records.spectra import Progress
 from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.system.threads import one_blas_thread
 
 StepFunction = Callable[[Any, CaptureRecords, Work], Record]
-FUNCTIONS: dict[Step, StepFunction] = {
-    CHART: find_charts,
-    FLAT_PHOTOS: measure_flat_photos,
-    FLAT_CALIBRATION: calibrate_flat,
-    SIGNALS: find_signals,
-    FLAT_SPECTRA: draw_surfaces,
-    FLAT_PICTURE: flat_picture,
-    SCENE_PHOTOS: measure_scene_photos,
-    SCENE_CALIBRATION: calibrate_scene,
-    INVERSION: invert_photos,
-    SCENE_SPECTRA: draw_surfaces,
-    SCENE_PICTURE: scene_picture}
+FUNCTIONS: dict[declared_steps.Step, StepFunction] = {
+    declared_steps.CHART: find_charts,
+    declared_steps.FLAT_PHOTOS: measure_flat_photos,
+    declared_steps.FLAT_CALIBRATION: calibrate_flat,
+    declared_steps.SIGNALS: find_signals,
+    declared_steps.FLAT_SPECTRA: draw_surfaces,
+    declared_steps.FLAT_PICTURE: flat_picture,
+    declared_steps.SCENE_PHOTOS: measure_scene_photos,
+    declared_steps.SCENE_CALIBRATION: calibrate_scene,
+    declared_steps.INVERSION: invert_photos,
+    declared_steps.SCENE_SPECTRA: draw_surfaces,
+    declared_steps.SCENE_PICTURE: scene_picture}
 
 
 class Keeper(Protocol):
@@ -65,7 +48,8 @@ class Keeper(Protocol):
         """What has been kept so far."""
         ...
 
-    def keep(self, step: Step, compute: Callable[[Progress, Path | None], Record]) -> None:
+    def keep(self, step: declared_steps.Step, compute: Callable[[Progress, Path | None],
+                                                                Record]) -> None:
         """Keep the record of a step: one that is up to date, or the one that is computed now.
 
         Parameters
@@ -100,7 +84,8 @@ class MemoryKeeper:
     def records(self) -> CaptureRecords:
         return CaptureRecords(self.kept)
 
-    def keep(self, step: Step, compute: Callable[[Progress, Path | None], Record]) -> None:
+    def keep(self, step: declared_steps.Step, compute: Callable[[Progress, Path | None],
+                                                                Record]) -> None:
         """As of ``Keeper``."""
         if step.name in self.kept:
             return
@@ -135,7 +120,7 @@ def measure(capture: Capture, keeper: Keeper, *, device: str = "auto",
         As the steps.
     """
     photos = OpenPhotos(capture)
-    for step in steps_of(capture):
+    for step in declared_steps.steps_of(capture):
         if step.name == before:
             break
 

@@ -1,16 +1,20 @@
-"""The step that decodes the photos: of a scene at the render's size, of flat samples to the signals
-of regions.
+"""The steps "chart" and "photo": charts found, photos developed, regions and references measured.
 """
+
+
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from functools import partial
 
 import numpy as np
 
 from spectrabox.calibrate.geometry.projection import undistorted
-from spectrabox.capture.photo.binning import bin_image, render_size, thumbnail
-from spectrabox.capture.photo.preview import signal_rgb8
+from spectrabox.capture.chart.detection import chart_overlay
+from spectrabox.capture.chart.patches import require_unclipped
+from spectrabox.capture.chart.quality import judge_chart
+from spectrabox.capture.photo import preview
 from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.capture.photo.registration import (
     Edges,
@@ -19,22 +23,95 @@ from spectrabox.capture.photo.registration import (
     register,
     registered,
 )
-from spectrabox.measure.captured import FlatCapture, Outline, SceneCapture, View
+from spectrabox.measure import captured
 from spectrabox.measure.opened_photos import require_exposed, require_one_camera
-from spectrabox.measure.records import CaptureRecords, MeasuredChart, PhotoRecords
+from spectrabox.measure.records import CaptureRecords, ChartRecords, MeasuredChart, PhotoRecords
 from spectrabox.measure.scene.box_camera import lens_of, scene_of
+from spectrabox.measure.steps import chart_fit
 from spectrabox.measure.steps.work import Work
+from spectrabox.radiometry.chart import typical_camera_signals
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding, Severity
-from spectrabox.radiometry.records.photos import LinearImage, RegionSamples, Registration
+from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.records.photos import (
+    ChartDetection,
+    LinearImage,
+    RegionSamples,
+    Registration,
+)
 from spectrabox.reconstruct.scene.scene_file import require_same_shape
 
+THUMBNAIL_WIDTH = 48     # pixels: a chart photo is kept only for its exposure and source
+
+
+def find_charts(capture: captured.Capture, records: CaptureRecords, work: Work) -> ChartRecords:
+    """Chart photos to patch statistics.
+
+    Parameters
+    ----------
+    capture : Capture
+    records : CaptureRecords
+        None are needed.
+    work : Work
+
+    Raises
+    ------
+    CheckError
+        If a chart is not found, or too little of it can be read.
+    InputError
+        If two cameras took the photos.
+    """
+    chart = capture.lit_chart
+    views = capture.views_with_chart
+    charts: dict[str, MeasuredChart] = {}
+    findings: list[Finding] = []
+    first: tuple[ChartDetection, Edges] | None = None
+    for index, view in enumerate(views):
+        name = view.chart_names[0]
+        work.progress((index + 0.1) / len(views), f"finding the chart in {name}")
+        photo, own_findings = work.photos.developed(view.chart)
+        require_one_camera([*(each.thumbnail for each in charts.values()), photo])
+        expected = typical_camera_signals(chart.reflectances, FINE_GRID, view.power)
+        again = None if first is None else _moved(*first, photo)
+        detection = chart_fit.find(photo, expected, chart.layout, stated_corners(capture, view),
+                                   again, filtered=view.filter is not None)
+        if capture.one_tripod and len(capture.views) > 1 and first is None:
+            first = detection, find_edges(photo)
+        findings += work.write_picture(view.label("overlay"),
+                                       partial(chart_overlay, photo, detection))
+        verdict = judge_chart(photo, detection, expected, chart.layout,
+                              light_explained=capture.chart_scene is not None)
+        lost = require_unclipped(verdict.samples, chart.layout.names, name, chart.layout.neutrals,
+                                 work.photos.bands(photo), bands_may_drop=capture.bands_may_drop)
+        findings += (*own_findings, *lost)
+        charts[view.name] = MeasuredChart(detection, verdict.samples,
+                                          preview.thumbnail(photo, THUMBNAIL_WIDTH), verdict.light,
+                                          verdict.findings)
+    return ChartRecords(charts, tuple(findings))
+
+
+def stated_corners(capture: captured.Capture, view: captured.View) -> np.ndarray | None:
+    """Outer corners (4, 2) of the chart in pixels where they were stated, of the first view alone.
+    """
+    return None if view.name else capture.lit_chart.corners_px
+
+
+def _moved(before: ChartDetection, edges: Edges, photo: LinearImage) -> ChartDetection:
+    """The chart of another photo where a photo that is shifted against it shows it."""
+    other = find_edges(photo)
+    registration = register(edges, other) if edges.size.shape == other.size.shape else None
+    return before if registration is None else dataclasses.replace(
+        before, corners_px=registration.moved(before.corners_px))
+
+
+# ---- the step that decodes the photos ------------------------------------------------------------
+
 PREVIEW_WIDTH = 800          # pixels of the picture of flat samples in the report, at most
-THUMBNAIL_WIDTH = 96         # of what is kept of them as numbers: exposure, clipping, mean signal
+PHOTO_THUMBNAIL_WIDTH = 96  # of what is kept of them as numbers: exposure, clipping, mean signal
 UNEVEN = 0.05                # scatter of pixels beyond noise, relative, above which to say so
 
 
-def measure_flat_photos(capture: FlatCapture, records: CaptureRecords,
+def measure_flat_photos(capture: captured.FlatCapture, records: CaptureRecords,
                         work: Work) -> PhotoRecords:
     """Photos of flat samples to the signals of their regions.
 
@@ -80,18 +157,18 @@ def measure_flat_photos(capture: FlatCapture, records: CaptureRecords,
         if outlines:
             regions[view.name] = sample_regions(photo, outlines, without_clipped=several)
             findings += uneven_regions(regions[view.name], view.name)
-        photos[view.name] = thumbnail(photo, THUMBNAIL_WIDTH)
+        photos[view.name] = preview.thumbnail(photo, PHOTO_THUMBNAIL_WIDTH)
         if view.filter is not None and np.array_equal(photos[view.name].signal,
                                                       photos[""].signal):
             raise InputError(f"{view.photo_names[0]} is the photo without the filter; give the one "
                              "that was taken through it")
         findings += work.write_picture(view.label("preview"), partial(
-            signal_rgb8, photo.signal, -(-photo.signal.shape[1] // PREVIEW_WIDTH)))
+            preview.signal_rgb8, photo.signal, -(-photo.signal.shape[1] // PREVIEW_WIDTH)))
     return PhotoRecords(photos, regions, registrations, work.photos.bands(photo),
                         tuple(findings))
 
 
-def measure_scene_photos(capture: SceneCapture, records: CaptureRecords,
+def measure_scene_photos(capture: captured.SceneCapture, records: CaptureRecords,
                          work: Work) -> PhotoRecords:
     """Photos of a scene, as a pinhole takes them, at the render's size.
 
@@ -122,13 +199,16 @@ def measure_scene_photos(capture: SceneCapture, records: CaptureRecords,
             photo = undistorted(photo, lens)
         require_same_shape(photo, scene_of(view.scene), name)
         height, width = photo.signal.shape[:2]
-        photos[view.name] = bin_image(photo, *render_size(width, height, capture.inversion.width))
-        findings += work.write_picture(view.label("preview"), partial(signal_rgb8, photo.signal))
+        photos[view.name] = preview.bin_image(
+            photo, *preview.render_size(width, height, capture.inversion.width))
+        findings += work.write_picture(view.label("preview"),
+                                       partial(preview.signal_rgb8, photo.signal))
     return PhotoRecords(photos, {}, {}, work.photos.bands(photo),
                         tuple(findings))
 
 
-def _outlines_in_both(capture: FlatCapture, view: View) -> dict[str, Outline]:
+def _outlines_in_both(capture: captured.FlatCapture,
+                      view: captured.View) -> dict[str, captured.Outline]:
     """Outlines of the regions that another photo shows as the first does, by name."""
     first = capture.views[0]
     return {} if view.photo == first.photo else {
@@ -136,8 +216,8 @@ def _outlines_in_both(capture: FlatCapture, view: View) -> dict[str, Outline]:
         if name in capture.regions_in(view)}
 
 
-def _registration(capture: FlatCapture, records: CaptureRecords, view: View,
-                  both: Mapping[str, Outline], first_edges: Edges,
+def _registration(capture: captured.FlatCapture, records: CaptureRecords, view: captured.View,
+                  both: Mapping[str, captured.Outline], first_edges: Edges,
                   photo: LinearImage) -> Registration | None:
     """How a photo is shifted against the first; None where no region is in both, or both have too
     little in common to tell.
@@ -156,7 +236,8 @@ def _registration(capture: FlatCapture, records: CaptureRecords, view: View,
                       both, _charts_px(records.chart.charts, first, view))
 
 
-def _not_registered(capture: FlatCapture, records: CaptureRecords, view: View) -> Finding:
+def _not_registered(capture: captured.FlatCapture, records: CaptureRecords,
+                    view: captured.View) -> Finding:
     """That a photo was not compared with the first, and what its chart says."""
     first = capture.views[0]
     chart_px = _charts_px(records.chart.charts, first, view)
@@ -165,7 +246,7 @@ def _not_registered(capture: FlatCapture, records: CaptureRecords, view: View) -
         "chart_px": None if chart_px is None else float(distance_px(chart_px))})
 
 
-def registration_of(charts: Mapping[str, MeasuredChart], first: View, view: View,
+def registration_of(charts: Mapping[str, MeasuredChart], first: captured.View, view: captured.View,
                     first_edges: Edges, edges: Edges) -> Registration | None:
     """How a photo is shifted against the first; None where both have too little in common to tell.
 
@@ -180,8 +261,8 @@ def registration_of(charts: Mapping[str, MeasuredChart], first: View, view: View
     return register(first_edges, edges, _charts_px(charts, first, view))
 
 
-def _charts_px(charts: Mapping[str, MeasuredChart], first: View,
-               view: View) -> tuple[np.ndarray, np.ndarray] | None:
+def _charts_px(charts: Mapping[str, MeasuredChart], first: captured.View,
+               view: captured.View) -> tuple[np.ndarray, np.ndarray] | None:
     """Patches (I, 4, 2) of the chart in the photos of two views; None where one does not show it.
     """
     shown = [charts[each.name].detection.corners_px for each in (first, view)
@@ -189,8 +270,8 @@ def _charts_px(charts: Mapping[str, MeasuredChart], first: View,
     return (shown[0], shown[1]) if len(shown) == 2 else None
 
 
-def outlines_in(capture: FlatCapture, view: View, registration: Registration | None
-                ) -> dict[str, Sequence[Sequence[float]]]:
+def outlines_in(capture: captured.FlatCapture, view: captured.View,
+                registration: Registration | None) -> dict[str, Sequence[Sequence[float]]]:
     """Outlines of the regions that the photo of a view shows, in its own pixels.
 
     Parameters

@@ -1,12 +1,14 @@
-"""The step that turns photographed regions into signals relative to white, with every error."""
+"""The steps "signals" and "sample": signals of flat samples, and the spectra behind signals."""
+
+
 from __future__ import annotations
 
 import numpy as np
 
 from spectrabox.calibrate.chart_equations import PatchError
 from spectrabox.capture.chart.patches import clipped_bands
-from spectrabox.measure.captured import FlatCapture
-from spectrabox.measure.records import CaptureRecords, RegionLight, SignalRecords
+from spectrabox.measure.captured import Capture, FlatCapture
+from spectrabox.measure.records import CaptureRecords, RegionLight, SampleRecords, SignalRecords
 from spectrabox.measure.regions.flat_signals import flat_signals
 from spectrabox.measure.regions.moved_lamp import differences_of_photos
 from spectrabox.measure.regions.white import (
@@ -15,8 +17,11 @@ from spectrabox.measure.regions.white import (
     light_map,
     white_at_regions,
 )
+from spectrabox.measure.scene.draws import draw_through_transport
 from spectrabox.measure.steps.work import Work
+from spectrabox.measure.surfaces.surface_spectra import DrawOptions, sample_surfaces
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.records.spectra import SpectrumSamples
 
 
 def find_signals(capture: FlatCapture, records: CaptureRecords, work: Work) -> SignalRecords:
@@ -114,3 +119,28 @@ def flat_errors(capture: FlatCapture, records: CaptureRecords) -> FlatErrors:
                       {name: region.surface for name, region in capture.regions.items()
                        if region.surface is not None}, capture.known_errors, capture.seed,
                       capture.layout.gloss)
+
+
+# ---- the step that draws: every spectrum behind each surface's signal, of any capture ------------
+
+def draw_surfaces(capture: Capture, records: CaptureRecords, work: Work) -> SampleRecords:
+    """Draws from all spectra behind each unknown surface's signal, and their summary.
+
+    Parameters
+    ----------
+    capture : Capture
+    records : CaptureRecords
+        Of the steps up to signals or inversion.
+    work : Work
+    """
+    chosen, families = capture.sampling, capture.families
+    jointly: dict[str, SpectrumSamples] = {}
+    if chosen.through == "transport":
+        work.progress(0.0, "all materials at once")
+        jointly = draw_through_transport(
+            records.calibrations(capture.views)[0], records.reconstruct.joint, chosen.draws,
+            capture.seed, chosen.coefficients, families)
+    options = DrawOptions(chosen.method, chosen.draws, chosen.coefficients, chosen.level,
+                          capture.seed)
+    return SampleRecords(sample_surfaces(records.signals, options, families, work.progress,
+                                         jointly))

@@ -1,12 +1,25 @@
-"""Two surfaces of the same photos beside each other: how their spectra and colours differ, and
+"""Surfaces compared: how two differ in spectrum and colour, whether the camera tells them apart,
+and spectra that it cannot.
+
+Many bands as the few that do not depend on each other.
+
+Three channels under one narrow lamp see nearly the same part of the spectrum, and of 36 bands many
+are sums of others. What they say of a reflectance is then said by a few of them, whose signals are
+estimated from all by generalised least squares. Nothing is lost but the check that bands which
+repeat each other agree.
+
+Two surfaces of the same photos beside each other: how their spectra and colours differ, and
 whether the camera sees a difference.
 
 Surfaces of one photo share most errors of their signals: the white level, the camera's curves,
 the veil. What they share (``error_model.CAUSES``) is counted once, so that two areas of one paint
 do not differ by it. Each has a gloss of its own.
 """
+
+
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -14,21 +27,123 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtri
 
-from spectrabox.measure.surfaces.metamers import colour_weights
-from spectrabox.radiometry.appearance import ciede2000, encoded_srgb, lab_from_xyz
+from spectrabox.radiometry import appearance
 from spectrabox.radiometry.covariance import symmetric, symmetric_root
 from spectrabox.radiometry.error_model import CAUSES
 from spectrabox.radiometry.errors import CheckError
-from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.records.spectra import SurfaceSignals
+from spectrabox.radiometry.grid import WavelengthGrid, interpolation_matrix
+from spectrabox.radiometry.records.spectra import SpectrumSamples, SurfaceSignals
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.prior.signal_posterior import SignalPosterior
+
+# of a band's response, that no sum of the others gives: below, the others give its signal too
+DEPENDENT = 0.02
+# of reflectances along one direction of unit length on a grid of 1 nm, at most: they vary by 0.2
+# over 50 nm. What a sum leaves out of a band errs by this times what it leaves out.
+ALONG_A_DIRECTION = 0.2 * 50**0.5
+
+
+def independent_bands(response: np.ndarray, covariance: np.ndarray
+                      ) -> tuple[np.ndarray, np.ndarray]:
+    """Indices (r,) of bands that do not depend on each other, in order, and the gain (r, K) that
+    estimates their signals from those of all; all bands and ones where none depends.
+
+    Parameters
+    ----------
+    response : (K, P) array
+        To reflectances.
+    covariance : (K, K) array
+        Of the signals' errors.
+    """
+    bands = len(response)
+    left = response / np.maximum(np.linalg.norm(response, axis=1, keepdims=True),
+                                 np.finfo(float).tiny)
+    chosen: list[int] = []
+    # Gram-Schmidt, the band that is least like those before first; as in a pivoted QR
+    for _ in range(bands):
+        length = np.linalg.norm(left, axis=1)
+        band = int(np.argmax(length))
+        if length[band] < DEPENDENT:
+            break
+        chosen.append(band)
+        direction = left[band] / length[band]
+        left = left - np.outer(left @ direction, direction)
+    if len(chosen) in (0, bands):
+        return np.arange(bands), np.eye(bands)
+    order = np.sort(chosen)
+    sums = np.linalg.lstsq(response[order].T, response.T, rcond=None)[0].T      # (K, r)
+    missed = ALONG_A_DIRECTION * np.linalg.norm(response - sums @ response[order], axis=1)
+    weighted = np.linalg.solve(covariance + np.diag(missed**2), sums)
+    return order, np.linalg.solve(sums.T @ weighted, weighted.T)
+
+
+# ---- two spectra that the photo cannot tell apart, and the lights under which the eye can --------
+
+LIGHTS = ("D65", "A", "FL11", "LED-B3", "LED-RGB1")
+ENDS = (0.025, 0.975)           # of the draws along their main difference
+
+
+@dataclass(frozen=True, eq=False)
+class MetamerPair:
+    """Two draws at the ends of what the draws span along their main difference.
+
+    ``srgb`` (L, 2, 3) are their colours under each of ``LIGHTS``, adapted to D65 by Bradford,
+    ``delta_e00`` (L,) their CIEDE2000 there; ``apart_nm`` is where a reading tells them apart best.
+    """
+
+    grid: WavelengthGrid
+    spectra: np.ndarray         # (2, P)
+    srgb: np.ndarray
+    delta_e00: np.ndarray
+    apart_nm: float
+
+
+def metamer_pair(samples: SpectrumSamples) -> MetamerPair:
+    """The pair of a material.
+
+    Parameters
+    ----------
+    samples : SpectrumSamples
+        Two draws or more.
+    """
+    grid, spectra = samples.grid, samples.spectra
+    off = (spectra - spectra.mean(axis=0)) * np.sqrt(grid.weights_nm)
+    _, axes = np.linalg.eigh(off.T @ off)
+    along = off @ axes[:, -1]
+    chosen = [int(np.argmin(np.abs(along - np.quantile(along, share)))) for share in ENDS]
+    pair = np.clip(spectra[chosen], 0.0, 1.0)
+    colours, differences = [], []
+    for name in LIGHTS:
+        weights, adapted = colour_weights(name, tuple(grid.nm.tolist()))
+        lab = appearance.lab_from_xyz(pair @ weights.T, weights.sum(axis=1))
+        differences.append(float(appearance.ciede2000(lab[0], lab[1])))
+        colours.append([appearance.encoded_srgb(adapted @ one) for one in pair])
+    apart = float(grid.nm[int(np.argmax(np.abs(pair[0] - pair[1])))])
+    return MetamerPair(grid, pair, np.array(colours), np.array(differences), apart)
+
+
+@functools.cache
+def colour_weights(light: str, nm: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Weights (3, P) of X, Y, Z under a light, and of what looks alike under D65.
+
+    Parameters
+    ----------
+    light : str
+        CIE name.
+    nm : tuple of P floats
+        Ascending.
+    """
+    return appearance.tristimulus_weights(np.array(nm), light), appearance.adapted_tristimulus(
+        np.array(nm), light)
+
+
+# ---- two surfaces of the same photos beside each other -------------------------------------------
 
 DRAWS = 1000            # of each colour
 SEED = 1                    # of the draws
 PAIRS = 2000            # of draws; the error of a standard deviation is 2 % of it
 BY_CHANCE = 0.01        # how often two areas of one colour are told apart
-ENDS = (0.025, 0.975)       # of the pairs' colour differences
+COMPARED_ENDS = (0.025, 0.975)       # of the pairs' colour differences
 
 
 class Colour(NamedTuple):
@@ -154,9 +269,9 @@ class ColourComparison:
         InputError
             If no light of that name is published.
         """
-        drawn = ciede2000(*self._labs(self.draws, light))
-        lower, upper = np.quantile(drawn, ENDS)
-        return ColourDifference(float(ciede2000(*self._labs(self.means, light))),
+        drawn = appearance.ciede2000(*self._labs(self.draws, light))
+        lower, upper = np.quantile(drawn, COMPARED_ENDS)
+        return ColourDifference(float(appearance.ciede2000(*self._labs(self.means, light))),
                                 float(lower) if self.distinct else 0.0, float(upper))
 
     def srgb(self, light: str) -> np.ndarray:
@@ -172,11 +287,11 @@ class ColourComparison:
         (2, 3) array
         """
         _, adapted = colour_weights(light, tuple(self.nm.tolist()))
-        return np.array([encoded_srgb(adapted @ mean) for mean in self.means])
+        return np.array([appearance.encoded_srgb(adapted @ mean) for mean in self.means])
 
     def _labs(self, spectra: np.ndarray, light: str) -> np.ndarray:
         weights, _ = colour_weights(light, tuple(self.nm.tolist()))
-        return lab_from_xyz(spectra @ weights.T, weights.sum(axis=1))
+        return appearance.lab_from_xyz(spectra @ weights.T, weights.sum(axis=1))
 
     def __repr__(self) -> str:
         lightness, a, b = self.lab().value

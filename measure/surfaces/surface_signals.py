@@ -6,31 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from spectrabox.measure.surfaces.independent_bands import independent_bands
+from spectrabox.measure.surfaces.colour_comparison import independent_bands
+from spectrabox.radiometry import error_model
 from spectrabox.radiometry.covariance import symmetric, symmetric_root
-from spectrabox.radiometry.error_model import (
-    DISAGREEMENT,
-    LIGHT_SPECTRUM,
-    PHOTO_NOISE,
-    RENDERING_NOISE,
-    SENSITIVITIES,
-    added_covariance,
-    light_covariance,
-    proportional_covariance,
-    scale_covariances,
-    sensitivity_covariance,
-    split_errors,
-)
 from spectrabox.radiometry.gloss import gloss_states
+from spectrabox.radiometry.records import spectra
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.scenes import JointReconstruction
-from spectrabox.radiometry.records.spectra import SignalError, SpectralMeasurement, SurfaceSignals
-from spectrabox.radiometry.records.states import CaptureStates, added_by_cause
-from spectrabox.sampling.spectral_measurement import (
-    different_bands,
-    gain_of_different,
-    reduced_errors,
-)
+from spectrabox.sampling import spectral_measurement
 
 FEW_BANDS = 12      # whose signals draws reach one by one
 # correlation of the light scales of photos between which a lamp was moved: chart and card are the
@@ -39,7 +22,7 @@ SHARED_SCALE = 0.5
 
 
 def scene_signals(joint: JointReconstruction,
-                  calibrations: Sequence[Calibration]) -> SurfaceSignals:
+                  calibrations: Sequence[Calibration]) -> spectra.SurfaceSignals:
     """The signals of all materials of a scene, with their errors.
 
     Parameters
@@ -48,11 +31,11 @@ def scene_signals(joint: JointReconstruction,
     calibrations : sequence of Calibration
         Of every view, in the order of ``joint.views``.
     """
-    signals = SurfaceSignals(joint.materials, joint.known, joint.grid, joint.spectra, joint.bands,
-                             joint.view_of_band, joint.response, joint.signal, (),
-                             _gloss_of(joint))
+    signals = spectra.SurfaceSignals(joint.materials, joint.known, joint.grid, joint.spectra,
+                                     joint.bands, joint.view_of_band, joint.response, joint.signal,
+                                     (), _gloss_of(joint))
     views = np.unique(joint.view_of_band)
-    scales = [scale_covariances(calibrations[view], joint.views[view].light_scale)
+    scales = [error_model.scale_covariances(calibrations[view], joint.views[view].light_scale)
               for view in views]
     bands = len(calibrations[0].sensitivity.curves)
     none = np.zeros((bands, bands))
@@ -60,20 +43,22 @@ def scene_signals(joint: JointReconstruction,
     responses = [joint.response[joint.view_of_band == view] for view in views]
     shared = np.kron([[1.0 if one is other else SHARED_SCALE * np.array_equal(one, other)
                        for other in responses] for one in responses], np.ones((bands, bands)))
-    causes = {RENDERING_NOISE: joint.signal_covariance,
-              SENSITIVITIES: sensitivity_covariance(calibrations, signals),
-              LIGHT_SPECTRUM: light_covariance(calibrations, signals)}
+    causes = {error_model.RENDERING_NOISE: joint.signal_covariance,
+              error_model.SENSITIVITIES: error_model.sensitivity_covariance(calibrations, signals),
+              error_model.LIGHT_SPECTRUM: error_model.light_covariance(calibrations, signals)}
     for cause in dict.fromkeys(cause for parts in scales for cause in parts):
         roots = np.vstack([symmetric_root(parts.get(cause, none)) for parts in scales])
         relative = shared * (roots @ roots.T)
-        causes[cause] = proportional_covariance(joint.signal, relative)
+        causes[cause] = error_model.proportional_covariance(joint.signal, relative)
     for stray in joint.stray_light:
-        causes[stray.cause] = added_covariance(stray.relative * joint.signal, joint.view_of_band)
-    causes[DISAGREEMENT] = proportional_covariance(joint.signal, joint.model_covariance)
+        causes[stray.cause] = error_model.added_covariance(stray.relative * joint.signal,
+                                                           joint.view_of_band)
+    causes[error_model.DISAGREEMENT] = error_model.proportional_covariance(
+        joint.signal, joint.model_covariance)
     return with_errors(signals, causes)
 
 
-def _gloss_of(joint: JointReconstruction) -> tuple[CaptureStates, ...]:
+def _gloss_of(joint: JointReconstruction) -> tuple[spectra.CaptureStates, ...]:
     """What each material may mirror under each lamp in its place; none where the scene says it of
     all.
     """
@@ -85,12 +70,13 @@ def _gloss_of(joint: JointReconstruction) -> tuple[CaptureStates, ...]:
                  for name, gloss in zip(joint.materials, glosses, strict=True))
 
 
-def with_errors(signals: SurfaceSignals, causes: dict[str, np.ndarray]) -> SurfaceSignals:
+def with_errors(signals: spectra.SurfaceSignals,
+                causes: dict[str, np.ndarray]) -> spectra.SurfaceSignals:
     """The signals with the covariances (M, J, J) of their errors by cause."""
-    return replace(signals, errors=tuple(SignalError(*cause) for cause in causes.items()))
+    return replace(signals, errors=tuple(spectra.SignalError(*cause) for cause in causes.items()))
 
 
-def alone(signals: SurfaceSignals, index: int) -> SurfaceSignals:
+def alone(signals: spectra.SurfaceSignals, index: int) -> spectra.SurfaceSignals:
     """The signals of one surface.
 
     Parameters
@@ -102,11 +88,11 @@ def alone(signals: SurfaceSignals, index: int) -> SurfaceSignals:
     own = slice(index, index + 1)
     return replace(signals, names=signals.names[own], known=signals.known[own],
                    spectra=signals.spectra[own], signal=signals.signal[own],
-                   errors=tuple(SignalError(error.cause, error.covariance[own])
+                   errors=tuple(spectra.SignalError(error.cause, error.covariance[own])
                                 for error in signals.errors), states=signals.states[own])
 
 
-def errors_by_cause(signals: SurfaceSignals, index: int) -> dict[str, np.ndarray]:
+def errors_by_cause(signals: spectra.SurfaceSignals, index: int) -> dict[str, np.ndarray]:
     """Covariance by cause of the signal of ``measurement``; they add up to its noise, which is
     without what the states of the capture add.
 
@@ -120,7 +106,7 @@ def errors_by_cause(signals: SurfaceSignals, index: int) -> dict[str, np.ndarray
             for cause, covariance in _errors_in_bands(signals, index).items()}
 
 
-def all_errors_by_cause(signals: SurfaceSignals, index: int) -> dict[str, np.ndarray]:
+def all_errors_by_cause(signals: spectra.SurfaceSignals, index: int) -> dict[str, np.ndarray]:
     """Covariance by cause of the signal of ``measurement``, that of what the states of the capture
     add included.
 
@@ -132,7 +118,7 @@ def all_errors_by_cause(signals: SurfaceSignals, index: int) -> dict[str, np.nda
     return with_added(errors_by_cause(signals, index), measurement(signals, index).states)
 
 
-def measurement(signals: SurfaceSignals, index: int) -> SpectralMeasurement:
+def measurement(signals: spectra.SurfaceSignals, index: int) -> spectra.SpectralMeasurement:
     """What the photos said of one surface, in bands that show it and do not depend on each other.
 
     Parameters
@@ -143,52 +129,54 @@ def measurement(signals: SurfaceSignals, index: int) -> SpectralMeasurement:
     seen, chosen, gain = _independent(signals, index)
     causes, states = _errors_in_bands(signals, index), _states_in_bands(signals, index)
     signal, total = signals.signal[index][seen], np.sum(list(causes.values()), axis=0)
-    errors = split_errors(signal, causes)
-    different, repeated = different_bands(signals.response[seen])
-    reduced, noise, multiplies = reduced_errors(gain, repeated, signal, total, errors.relative) \
+    errors = error_model.split_errors(signal, causes)
+    different, repeated = spectral_measurement.different_bands(signals.response[seen])
+    reduced, noise, multiplies = spectral_measurement.reduced_errors(
+        gain, repeated, signal, total, errors.relative) \
         if np.array_equal(chosen, different) else (
             gain @ signal, symmetric(gain @ total @ gain.T), errors.of_sums(gain, signal).relative)
-    return SpectralMeasurement(
+    return spectra.SpectralMeasurement(
         signals.grid, signals.response[seen][chosen], reduced, noise,
         None if states is None else states.through(gain),
         multiplies if multiplies is not None and multiplies.any() else None)
 
 
-def _independent(signals: SurfaceSignals, index: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _independent(signals: spectra.SurfaceSignals,
+                 index: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Indices of the bands that show a surface, among them of those that do not depend on each
     other, and the gain that estimates their signals from all; of few bands all that are different,
     and with states of the capture all.
     """
     seen = np.flatnonzero(np.isfinite(signals.signal[index]))
-    different, repeated = different_bands(signals.response[seen])
+    different, repeated = spectral_measurement.different_bands(signals.response[seen])
     if seen.size <= FEW_BANDS and (signals.states or different.size == seen.size):
         return seen, np.arange(seen.size), np.eye(seen.size)
     causes, signal = _errors_in_bands(signals, index), signals.signal[index][seen]
-    errors = split_errors(signal, causes)
+    errors = error_model.split_errors(signal, causes)
     # Errors in proportion to what is expected: in proportion to what was read, a reading that is
     # too dark would count for more, and sums come out dark.
     expected = np.maximum(signals.response[seen] @ signals.spectra[index], 0)
     total = np.sum(list(with_added(causes, _states_in_bands(signals, index)).values()), axis=0) \
         + errors.total(expected) - errors.total(signal)
     if seen.size <= FEW_BANDS:
-        return seen, different, gain_of_different(total, repeated)
+        return seen, different, spectral_measurement.gain_of_different(total, repeated)
     return seen, *independent_bands(signals.response[seen], symmetric(total))
 
 
-def _errors_in_bands(signals: SurfaceSignals, index: int) -> dict[str, np.ndarray]:
+def _errors_in_bands(signals: spectra.SurfaceSignals, index: int) -> dict[str, np.ndarray]:
     """Covariance of one surface's signal by cause, in the bands that show it."""
     seen = np.flatnonzero(np.isfinite(signals.signal[index]))
     return {error.cause: error.covariance[index][np.ix_(seen, seen)] for error in signals.errors}
 
 
-def _states_in_bands(signals: SurfaceSignals, index: int) -> CaptureStates | None:
+def _states_in_bands(signals: spectra.SurfaceSignals, index: int) -> spectra.CaptureStates | None:
     """What one surface's capture may have added to its signal, in the bands that show it."""
     seen = np.isfinite(signals.signal[index])
     return signals.states[index].through(np.eye(seen.size)[seen]) if signals.states else None
 
 
 def with_added(causes: Mapping[str, np.ndarray],
-               states: CaptureStates | None) -> dict[str, np.ndarray]:
+               states: spectra.CaptureStates | None) -> dict[str, np.ndarray]:
     """Covariances (K, K) by cause, with those of what the states of the capture add.
 
     Parameters
@@ -198,12 +186,12 @@ def with_added(causes: Mapping[str, np.ndarray],
         Of the same bands.
     """
     together = dict(causes)
-    for cause, covariance in ({} if states is None else added_by_cause(states)).items():
+    for cause, covariance in ({} if states is None else spectra.added_by_cause(states)).items():
         together[cause] = together.get(cause, 0.0) + covariance
     return together
 
 
-def relative_errors(signals: SurfaceSignals, index: int) -> dict[str, np.ndarray]:
+def relative_errors(signals: spectra.SurfaceSignals, index: int) -> dict[str, np.ndarray]:
     """Relative standard error of one surface's signal by cause, in the bands that show it.
 
     Parameters
@@ -216,7 +204,8 @@ def relative_errors(signals: SurfaceSignals, index: int) -> dict[str, np.ndarray
     return {cause: np.sqrt(np.diag(covariance)) / value for cause, covariance in causes.items()}
 
 
-def noise_and_disagreement(signals: SurfaceSignals, index: int) -> tuple[np.ndarray, np.ndarray]:
+def noise_and_disagreement(signals: spectra.SurfaceSignals,
+                           index: int) -> tuple[np.ndarray, np.ndarray]:
     """Covariance (J, J) of one surface's signal by noise, and relative by the disagreement of photo
     and model; NaN in bands that do not show it.
 
@@ -228,6 +217,7 @@ def noise_and_disagreement(signals: SurfaceSignals, index: int) -> tuple[np.ndar
     """
     signal = signals.signal[index]
     by_cause = {error.cause: error.covariance[index] for error in signals.errors}
-    noise = by_cause[PHOTO_NOISE if PHOTO_NOISE in by_cause else RENDERING_NOISE]
+    noise = by_cause[error_model.PHOTO_NOISE if error_model.PHOTO_NOISE in
+                     by_cause else error_model.RENDERING_NOISE]
     with np.errstate(invalid="ignore"):
-        return noise, by_cause[DISAGREEMENT] / np.outer(signal, signal)
+        return noise, by_cause[error_model.DISAGREEMENT] / np.outer(signal, signal)

@@ -18,11 +18,11 @@ from spectrabox.radiometry.records.spectra import (
     SpectralMeasurement,
     SpectrumSamples,
     SpectrumSummary,
+    StateEstimate,
     SurfaceSignals,
     SurfaceSpectrum,
     WavelengthGrid,
 )
-from spectrabox.radiometry.records.states import StateEstimate
 from spectrabox.sampling.draw_methods import draw_spectra
 from spectrabox.sampling.prior.mixture import load_prior, of_families
 from spectrabox.sampling.prior.signal_posterior import solve_posterior

@@ -13,6 +13,7 @@ from string import ascii_uppercase
 import numpy as np
 from pydantic import Field
 
+from spectrabox.radiometry import checked_tables
 from spectrabox.radiometry.chart import (
     CLASSIC,
     GLOSSY_PATCHES,
@@ -20,9 +21,8 @@ from spectrabox.radiometry.chart import (
     grid_chart,
     outlined_chart,
 )
-from spectrabox.radiometry.checked_tables import ListOf, Table, checked, nearest, read_toml
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.system.known_names import nearest_words
+from spectrabox.radiometry.system.words import nearest_words
 
 LAYOUT_SUFFIX = ".toml"
 LAYOUT_NAMES = ("ColorChecker Classic", "ColorChecker Passport", "ColorChecker Nano",
@@ -140,26 +140,31 @@ ADVICE = "give the layout of a chart (docs/reference/charts.md)"
 MAX_SIDE = 100              # rows or columns
 
 
-class LayoutFile(Table):
+class LayoutFile(checked_tables.Table):
     """What a layout file may say; lengths in one unit of one's own, x to the right, y down."""
 
     name: str = Field(min_length=1, description="of the chart, for messages and the report")
     rows: int = Field(ge=1, le=MAX_SIDE, description="of patches")
     columns: int = Field(ge=2, le=MAX_SIDE, description="of patches")
-    patch: ListOf[float] = Field(description="width and height of a patch")
-    pitch: ListOf[float] | None = Field(None, description="distance of patches along a row and "
-                                        "along a column, from centre to centre")
-    centres: ListOf[ListOf[float]] | None = Field(
+    patch: checked_tables.ListOf[float] = Field(description="width and height of a patch")
+    pitch: checked_tables.ListOf[float] | None = Field(
+        None, description="distance of patches along a row and "
+        "along a column, from centre to centre")
+    centres: checked_tables.ListOf[checked_tables.ListOf[float]] | None = Field(
         None, description="centre of every patch, row by row and from any point, in place of pitch")
-    border: ListOf[float] = Field((0.0, 0.0), description="of the card beside and above the "
-                                  "patches")
-    names: ListOf[str] | None = Field(None, description="of the patches, row by row; A1, B1, ... "
-                                      "where left out")
-    neutrals: ListOf[str] = Field((), description="names of the neutral patches, lightest first")
-    fiducials: ListOf[ListOf[float]] | None = Field(
+    border: checked_tables.ListOf[float] = Field((0.0, 0.0),
+                                                 description="of the card beside and above the "
+                                                 "patches")
+    names: checked_tables.ListOf[str] | None = Field(
+        None, description="of the patches, row by row; A1, B1, ... "
+        "where left out")
+    neutrals: checked_tables.ListOf[str] = Field(
+        (), description="names of the neutral patches, lightest first")
+    fiducials: checked_tables.ListOf[checked_tables.ListOf[float]] | None = Field(
         None, description="four points that are easily seen, from the same point as centres, or "
         "from the outer corner of the first patch; by default the outer corners of the patches")
-    fiducial_names: ListOf[str] | None = Field(None, description="names of these points")
+    fiducial_names: checked_tables.ListOf[str] | None = Field(None,
+                                                              description="names of these points")
     reference: str | None = Field(None, description="file of reflectances, beside this one")
 
 
@@ -176,7 +181,7 @@ def read_layout(path: Path) -> Chart:
         If the file is missing, is not TOML, or does not describe a chart; every fault of a key at
         once.
     """
-    written = checked(LayoutFile, read_toml(path, ADVICE), path.name)
+    written = checked_tables.checked(LayoutFile, checked_tables.read_toml(path, ADVICE), path.name)
     names = _names(written, path.name)
     patch = _pair(written.patch, "patch", path.name)
     if min(patch) <= 0:
@@ -191,7 +196,7 @@ def read_layout(path: Path) -> Chart:
     for neutral in written.neutrals:
         if neutral not in names:
             raise InputError(f"{path.name}: neutrals names {neutral!r}, which is no patch; did you "
-                             f"mean {nearest(neutral, names)!r}?")
+                             f"mean {checked_tables.nearest(neutral, names)!r}?")
     chart = grid_chart(written.name, written.rows, written.columns, names, patch, pitch,
                        written.neutrals)
     if written.centres is not None:

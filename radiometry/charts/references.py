@@ -1,14 +1,32 @@
-"""Reflectances of a chart, published or from a file: CSV, CGATS or any other spectral format.
+"""Reflectances of a chart, published, measured or from a file, and how copies of a chart differ.
+
+How copies of a chart differ: what is known beforehand of the one that was photographed.
+
+Editions and measured copies of the ColorChecker Classic differ from their mean by .012 to .017 of
+reflectance, relative to their greys: in the level of a patch by 2 to 3 %, of a white by 3 %; in
+where edges lie and how deep absorptions are, within some 25 nm; by a yellowing that white and
+light greys share; and in the level of the whole chart by 1 %. Logarithms are what varies, each term
+an independent unit normal.
+``benchmarks/bench_chart_copies.py`` puts copies so drawn beside tables and measured ones.
 """
+
+
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
 from spectrabox.radiometry.chart import (
     AS_ASKED,
+    BEFORE_2014,
+    COPIES_BEFORE_2014,
+    COPIES_SINCE_2014,
+    SINCE_2014,
     Chart,
     chart_reflectances,
     order_correlations,
@@ -16,14 +34,140 @@ from spectrabox.radiometry.chart import (
 )
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.files import names_a_file
+from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.published.published_tables import published_colours
 from spectrabox.radiometry.records.spectra import Quantity, WavelengthGrid
+from spectrabox.radiometry.shaped import Record
+from spectrabox.radiometry.spectra import spectrum_files
 from spectrabox.radiometry.spectra.formats.measurement_table import SpectralTable
-from spectrabox.radiometry.spectra.spectrum_files import (
-    read_table,
-    spectrum_of,
-    spectrum_on_grid,
-)
+
+# Standard deviations of the logarithm of reflectance, of editions and measured copies about their
+# mean: level of a coloured patch, of white, of a grey; shape of a coloured patch and of a neutral
+# one, the wavelengths over which it holds, and what dark parts of spectra add in reflectance
+LEVEL, WHITE_LEVEL, GREY_LEVEL = 0.025, 0.026, 0.013
+SHAPE, SHAPE_NM, NEUTRAL_SHAPE, NEUTRAL_SHAPE_NM = 0.032, 25.0, 0.01, 60.0
+DARK, DARK_NEUTRAL = 0.003, 0.001
+# in common: a yellowing of neutrals, in proportion to their reflectance, at 400 nm, and the
+# wavelengths over which it fades; the level of a whole chart
+YELLOWING, YELLOWING_NM, CHART_LEVEL = 0.05, 80.0, 0.01
+# The least that a fit takes for the error of a patch's own level, as a share of the above; of
+# white, which dirt and yellowing darken first, all. How far levels of this chart scatter beyond
+# that, its photo tells, as the error that a fit finds common to the bands of a patch: taken for
+# sure, 2.5 % would hide how a near lamp falls off.
+LEAST_LEVEL = 0.4
+KEPT = 0.995            # of the variance of shapes, by their principal terms
+ANOTHER = 1.5           # of a chart of which one copy alone is known: its errors over a Classic's
+# share of charts in use that were made before November 2014, where no date says more
+SHARE_BEFORE_2014 = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class ChartCopies(Record):
+    """Charts of one edition as a distribution: log reflectance = that of the mean + own terms of
+    each patch + terms that patches have in common.
+    """
+
+    name: str
+    mean: Annotated[np.ndarray, "I P"]              # reflectance
+    own: Annotated[np.ndarray, "I P Q"]             # log reflectance by a patch's own terms
+    common: Annotated[np.ndarray, "I P S"]
+    least_level: Annotated[np.ndarray, "I"]         # of the first own term, its level, in a fit
+    share: float = 1.0                              # of charts in use that are of this edition
+    # when charts of it were made, SINCE_2014 or BEFORE_2014; empty where no other edition is known
+    made: str = ""
+
+    def drawn(self, rng: np.random.Generator) -> np.ndarray:
+        """Reflectances (I, P) of one copy.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+        """
+        patches, _, own = self.own.shape
+        departure = np.einsum("ipq,iq->ip", self.own, rng.standard_normal((patches, own)))
+        return np.asarray(self.mean * np.exp(
+            departure + self.common @ rng.standard_normal(self.common.shape[2])))
+
+
+def copies_of(name: str, mean: np.ndarray, neutrals: tuple[int, ...], grid: WavelengthGrid,
+              share: float = 1.0, larger: float = 1.0, made: str = "") -> ChartCopies:
+    """Copies of a chart about their mean, with the errors of a ColorChecker Classic.
+
+    Parameters
+    ----------
+    name : str
+    mean : (I, P) array
+    neutrals : tuple of int
+        Neutral patches, lightest first.
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
+    share : float
+        Of charts in use.
+    larger : float
+        Factor in all errors; ``ANOTHER`` for a chart of which one copy alone is known.
+    made : str
+        As of ``ChartCopies``.
+    """
+    level = np.full(len(mean), LEVEL)
+    level[list(neutrals)] = GREY_LEVEL
+    level[list(neutrals[:1])] = WHITE_LEVEL
+    is_neutral = np.isin(np.arange(len(mean)), neutrals)[:, None]
+    shape = np.where(is_neutral, np.hypot(NEUTRAL_SHAPE, DARK_NEUTRAL / mean),
+                     np.hypot(SHAPE, DARK / mean))
+    smooth, broad = (_principal(grid, width) for width in (SHAPE_NM, NEUTRAL_SHAPE_NM))
+    broad = np.pad(broad, ((0, 0), (0, smooth.shape[1] - broad.shape[1])))
+    shapes = shape[:, :, None] * np.where(is_neutral[:, :, None], broad, smooth)
+    own = np.concatenate([np.broadcast_to(level[:, None, None], (*mean.shape, 1)), shapes], axis=2)
+    yellow = YELLOWING * np.exp((grid.nm[0] - grid.nm) / YELLOWING_NM) * mean * is_neutral
+    common = np.stack([yellow, np.full(mean.shape, CHART_LEVEL)], axis=2)
+    least = np.full(len(mean), LEAST_LEVEL)
+    least[list(neutrals[:1])] = 1.0
+    return ChartCopies(name, mean, larger * own, larger * common, least, share, made)
+
+
+def _principal(grid: WavelengthGrid, width_nm: float) -> np.ndarray:
+    """Terms (P, Q) of smooth curves of unit variance that hold over a width."""
+    kernel = np.exp(-0.5 * ((grid.nm[:, None] - grid.nm) / width_nm) ** 2)
+    values, vectors = np.linalg.eigh(kernel)
+    values, vectors = values[::-1], vectors[:, ::-1]
+    kept = 1 + int(np.searchsorted(np.cumsum(values), KEPT * values.sum()))
+    terms = vectors[:, :kept] * np.sqrt(values[:kept])
+    return np.asarray(terms / np.linalg.norm(terms, axis=1, keepdims=True))
+
+
+def editions(chart: Chart, taken_at: str = "") -> tuple[ChartCopies, ...]:
+    """The editions that a chart of a layout may be of, the likelier first, on FINE_GRID; none where
+    no copies of it are known.
+
+    Parameters
+    ----------
+    chart : Chart
+    taken_at : str
+        When it was photographed, as 2014-10-31 with or without more; empty where that is not known.
+    """
+    if not chart.references:
+        return ()
+    if COPIES_SINCE_2014 not in chart.references:
+        name = chart.references[0]
+        return (copies_of(name, chart_reflectances(name, FINE_GRID, chart), chart.neutrals,
+                          FINE_GRID, larger=ANOTHER),)
+    since, before = _classic_editions()
+    if taken_at and taken_at < "2014-11":
+        return (before,)
+    return since, before
+
+
+@lru_cache(maxsize=1)
+def _classic_editions() -> tuple[ChartCopies, ChartCopies]:
+    neutrals = tuple(range(18, 24))
+    since, before = (
+        copies_of(name, chart_reflectances(name, FINE_GRID), neutrals, FINE_GRID, share, made=made)
+        for name, share, made in ((COPIES_SINCE_2014, 1 - SHARE_BEFORE_2014, SINCE_2014),
+                                  (COPIES_BEFORE_2014, SHARE_BEFORE_2014, BEFORE_2014)))
+    return since, before
+
+
+# ---- reflectances of a chart, published or from a file -------------------------------------------
 
 SURE_CORRELATION = 0.8      # of another order: of ColorCheckers it is 0.97 or more in the right one
 CLEAR_GAIN = 0.2            # over the correlation of the order as it stands
@@ -112,7 +256,7 @@ def measured_chart(path: Path, grid: WavelengthGrid, chart: Chart) -> np.ndarray
         If the samples have other names and are in another order than a published reference of the
         same chart, or are those of another chart.
     """
-    table = read_table(path)
+    table = spectrum_files.read_table(path)
     samples = [index for index, name in enumerate(table.names)
                if not name.startswith("standard_error")]
     order = _by_name(table, samples, chart)
@@ -121,8 +265,10 @@ def measured_chart(path: Path, grid: WavelengthGrid, chart: Chart) -> np.ndarray
                          f"needed, one per patch, {chart.names[0]} first")
     chosen = samples if order is None else order
     reflectances = np.array([
-        spectrum_on_grid(spectrum_of(table, role=Quantity.REFLECTANCE, column=index + 2), grid)
-        for index in chosen])
+        spectrum_files.spectrum_on_grid(
+            spectrum_files.spectrum_of(table, role=Quantity.REFLECTANCE, column=index + 2), grid)
+        for index in chosen
+    ])
     if order is None and chart.has_known_colours:
         _require_chart(path.name, reflectances, grid, chart)
     return reflectances

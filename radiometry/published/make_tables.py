@@ -14,19 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.radiometry.published.published_tables import (
-    CAMERAS,
-    CAMERAS_FILE,
-    CHARTS,
-    COLOURS,
-    COPIES,
-    COPIES_FILE,
-    FILE,
-    LIGHTS,
-    OBSERVERS,
-    TRADE,
-    TRADE_FILE,
-)
+from spectrabox.radiometry.published import published_tables
 
 ALIASES = ("babel_average", "cc_ohta")  # second names of charts
 # charts of which colours alone are published, and one whose colours others are compared with
@@ -47,17 +35,19 @@ def tables_of_colour_science() -> dict[str, np.ndarray]:
 
     tables = {}
     for name, curves in {**colour.MSDS_CMFS, **colour.MSDS_CAMERA_SENSITIVITIES}.items():
-        tables[f"{OBSERVERS}/{name}"] = np.vstack([curves.wavelengths, curves.values.T])
+        tables[f"{published_tables.OBSERVERS}/{name}"] = np.vstack(
+            [curves.wavelengths, curves.values.T])
     for name, curve in {**colour.SDS_LIGHT_SOURCES, **colour.SDS_ILLUMINANTS}.items():
-        tables[f"{LIGHTS}/{name}"] = np.vstack([curve.wavelengths, curve.values])
+        tables[f"{published_tables.LIGHTS}/{name}"] = np.vstack([curve.wavelengths, curve.values])
     for name, patches in {**colour.SDS_COLOURCHECKERS}.items():
         if name not in ALIASES:
             curves = list(patches.values())
-            tables[f"{CHARTS}/{name}"] = np.vstack([curves[0].wavelengths,
+            tables[f"{published_tables.CHARTS}/{name}"] = np.vstack([curves[0].wavelengths,
                                                     *(patch.values for patch in curves)])
     for name in COLOURED:
         chart = colour.CCS_COLOURCHECKERS[name]
-        tables[f"{COLOURS}/{name}"] = colour.xyY_to_XYZ(np.array(list(chart.data.values()))).T
+        tables[f"{published_tables.COLOURS}/{name}"] = colour.xyY_to_XYZ(
+            np.array(list(chart.data.values()))).T
     return tables
 
 
@@ -69,7 +59,7 @@ def tables_of_rawtoaces(folder: Path) -> dict[str, np.ndarray]:
         name = f"{stored['header']['manufacturer']} {stored['header']['model']}"
         rows = stored["spectral_data"]["data"]["main"]
         if name not in LEFT_OUT:
-            tables[f"{CAMERAS}/{name}"] = np.vstack([[float(nm) for nm in rows],
+            tables[f"{published_tables.CAMERAS}/{name}"] = np.vstack([[float(nm) for nm in rows],
                                                      np.transpose(list(rows.values()))])
     return tables
 
@@ -89,7 +79,8 @@ def tables_of_copies(folder: Path) -> dict[str, np.ndarray]:
         first = header.index("dark skin")
         values = np.array(rows, float)
         kept = values[(values[:, 0] >= KEPT_NM[0]) & (values[:, 0] <= KEPT_NM[1])]
-        tables[f"{COPIES}/{name}"] = np.column_stack([kept[:, 0], kept[:, first:first + 24]]).T
+        tables[f"{published_tables.COPIES}/{name}"] = np.column_stack(
+            [kept[:, 0], kept[:, first:first + 24]]).T
     return tables
 
 
@@ -104,15 +95,15 @@ def tables_of_beyondrgb(folder: Path) -> dict[str, np.ndarray]:
         values = np.array([[float(value) for value in row[:len(names) + 1]] for row in rows]).T
         row_by_row = sorted(range(len(names)), key=lambda index: (
             int(names[index].partition(":")[2]), names[index]))
-        tables[f"{TRADE}/{name}"] = np.vstack([values[0], values[1:][row_by_row]])
+        tables[f"{published_tables.TRADE}/{name}"] = np.vstack([values[0], values[1:][row_by_row]])
     return tables
 
 
 if __name__ == "__main__":
     if sys.argv[1:]:
-        file, tables_of = {"cameras": (CAMERAS_FILE, tables_of_rawtoaces),
-                           "copies": (COPIES_FILE, tables_of_copies),
-                           "trade": (TRADE_FILE, tables_of_beyondrgb)}[sys.argv[1]]
+        file, tables_of = {"cameras": (published_tables.CAMERAS_FILE, tables_of_rawtoaces),
+                           "copies": (published_tables.COPIES_FILE, tables_of_copies),
+                           "trade": (published_tables.TRADE_FILE, tables_of_beyondrgb)}[sys.argv[1]]
         np.savez_compressed(file, **tables_of(Path(sys.argv[2])))  # type: ignore[arg-type]
     else:
-        np.savez_compressed(FILE, **tables_of_colour_science())  # type: ignore[arg-type]
+        np.savez_compressed(published_tables.FILE, **tables_of_colour_science())  # type: ignore[arg-type]

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.system.known_names import known_name, nearest_words
+from spectrabox.radiometry.system.words import known_name, nearest_words
 
 FILE = Path(__file__).parent / "published_spectra.npz"
 OBSERVERS, LIGHTS, CHARTS = "observers and cameras", "lights", "charts"

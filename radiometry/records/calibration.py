@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 
 from spectrabox.radiometry.findings import Finding
-from spectrabox.radiometry.records.spectra import Outcome, Spectrum, WavelengthGrid
+from spectrabox.radiometry.records import spectra
 from spectrabox.radiometry.shaped import Record
 
 
@@ -35,7 +35,7 @@ class FittedFilter(Record):
 class SensitivityFit(Record):
     """Camera sensitivities on the working grid, the largest value of all bands being 1."""
 
-    grid: WavelengthGrid
+    grid: spectra.WavelengthGrid
     curves: Annotated[np.ndarray, "K P"]
     # What follows up to the outcome is None where the curves were measured and read from a file.
     basis: Annotated[np.ndarray, "P N"] | None
@@ -46,7 +46,7 @@ class SensitivityFit(Record):
     held_out_residuals: Annotated[np.ndarray, "I K"] | None     # each patch left out of its fit
     condition_number: float | None
     method: str
-    outcome: Outcome
+    outcome: spectra.Outcome
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,7 @@ class LightScale(Record):
 class LightPosterior(Record):
     """What a chart says of a light by itself whose spectrum nobody stated; of mean 1."""
 
-    grid: WavelengthGrid
+    grid: spectra.WavelengthGrid
     kinds: tuple[str, ...]                          # Q of light_words.LIGHT_KINDS
     probabilities: Annotated[np.ndarray, "Q"]
     mean: Annotated[np.ndarray, "P"]
@@ -135,7 +135,7 @@ class ChartCopy(Record):
 class HeldOutPatches(Record):
     """Reflectance of each patch of a chart from its own signal and a calibration without it."""
 
-    grid: WavelengthGrid
+    grid: spectra.WavelengthGrid
     mean: Annotated[np.ndarray, "I P"]
     lower: Annotated[np.ndarray, "I P"]             # pointwise band at ``level``
     upper: Annotated[np.ndarray, "I P"]
@@ -178,7 +178,7 @@ class Calibration(Record):
     """All that turns rendered spectra into camera signal, and the error of predicted signals."""
 
     sensitivity: SensitivityFit
-    light: Spectrum
+    light: spectra.Spectrum
     light_scale: LightScale | None                  # None: a known material of the scene tells it
     relative_covariance: Annotated[np.ndarray, "K K"]   # of (photo - predicted) / photo
     findings: tuple[Finding, ...]                   # of light, chart and fit; from WARN on doubts

@@ -15,13 +15,8 @@ import numpy as np
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.calibration import Filter
+from spectrabox.radiometry.spectra import spectrum_files
 from spectrabox.radiometry.spectra.light_words import UNKNOWN
-from spectrabox.radiometry.spectra.spectrum_files import (
-    SpectralTable,
-    column_index,
-    on_grid,
-    read_table,
-)
 
 RELATIVE_ERROR, LENGTH_NM = 0.02, 60.0      # of a stated transmittance; and how smooth its error is
 SHIFT_NM = 0.5              # standard error of the wavelengths of a spectrometer
@@ -75,7 +70,7 @@ def read_filters(path: Path) -> dict[str, Filter]:
     InputError
         If the file cannot be read, does not cover 400-700 nm, or is no transmittance.
     """
-    return _filters_of(read_table(path), path)
+    return _filters_of(spectrum_files.read_table(path), path)
 
 
 def read_filter(path: Path, column: str | int | None = None) -> Filter:
@@ -92,15 +87,15 @@ def read_filter(path: Path, column: str | int | None = None) -> Filter:
     InputError
         As ``read_filters``, or if the file holds several and none is named.
     """
-    table = read_table(path)
-    chosen = column_index(table, column)
+    table = spectrum_files.read_table(path)
+    chosen = spectrum_files.column_index(table, column)
     kept = [chosen, *(index for index, name in enumerate(table.names) if name == "standard_error")]
     own = replace(table, names=tuple(table.names[index] for index in kept),
                   values=table.values[kept])
     return next(iter(_filters_of(own, path).values()))
 
 
-def _filters_of(table: SpectralTable, path: Path) -> dict[str, Filter]:
+def _filters_of(table: spectrum_files.SpectralTable, path: Path) -> dict[str, Filter]:
     error = next((values for name, values in zip(table.names, table.values, strict=True)
                   if name == "standard_error"), None)
     curves = {name: values for name, values in zip(table.names, table.values, strict=True)
@@ -164,7 +159,7 @@ def filter_of(name: str, nm: np.ndarray, values: np.ndarray, error: np.ndarray |
     if valid.sum() < 2:
         raise InputError(f"{source}: {name!r} holds no numbers")
     factor = 0.01 if np.max(values[valid]) > PERCENT else 1.0
-    passed = factor * on_grid(nm[valid], values[valid], FINE_GRID, f"filter {name}")
+    passed = factor * spectrum_files.on_grid(nm[valid], values[valid], FINE_GRID, f"filter {name}")
     if passed.min() < -0.02 or not 0 < passed.max() <= 1.05:
         raise InputError(f"{source}: the filter {name} lets {passed.min():.3g} to "
                          f"{passed.max():.3g} of the light pass; a transmittance between 0 and 1 "
@@ -172,7 +167,7 @@ def filter_of(name: str, nm: np.ndarray, values: np.ndarray, error: np.ndarray |
     passed = np.clip(passed, MIN_TRANSMITTANCE * passed.max(), 1)
     if error is None:
         return stated_filter(name, passed)
-    stated = factor * on_grid(nm[valid], error[valid], FINE_GRID, f"filter {name}")
+    stated = factor * spectrum_files.on_grid(nm[valid], error[valid], FINE_GRID, f"filter {name}")
     return stated_filter(name, passed, stated / passed)
 
 

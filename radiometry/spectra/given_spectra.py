@@ -10,13 +10,7 @@ from numpy.typing import ArrayLike
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum
-from spectrabox.radiometry.spectra.spectrum_files import (
-    check_reflectance,
-    on_grid,
-    read_spectrum,
-    require_fraction,
-    spectrum_on_grid,
-)
+from spectrabox.radiometry.spectra import spectrum_files
 
 
 class ColourScienceSpectra(Protocol):
@@ -95,22 +89,23 @@ def as_known(known: KnownSpectrum, name: str) -> Spectrum:
                              "needed")
         return _on_working_grid(known)
     if isinstance(known, str | Path):
-        return _on_working_grid(read_spectrum(Path(known), role=Quantity.REFLECTANCE))
+        return _on_working_grid(spectrum_files.read_spectrum(Path(known),
+                                                             role=Quantity.REFLECTANCE))
     numbers = known if isinstance(known, tuple) else (known,)
     if all(isinstance(number, int | float) for number in numbers):
         for number in numbers:
-            require_fraction(number, name)      # type: ignore[arg-type]
+            spectrum_files.require_fraction(number, name)      # type: ignore[arg-type]
         value, *error = (np.full(FINE_GRID.nm.size, number, float) for number in numbers)
         return Spectrum(FINE_GRID, value, Quantity.REFLECTANCE, "given", *error)
     nm, values = as_samples(known, name)
-    on_working_grid = on_grid(nm, values, FINE_GRID, "reflectance")
-    check_reflectance(on_working_grid, FINE_GRID.nm, name)
+    on_working_grid = spectrum_files.on_grid(nm, values, FINE_GRID, "reflectance")
+    spectrum_files.check_reflectance(on_working_grid, FINE_GRID.nm, name)
     return Spectrum(FINE_GRID, on_working_grid, Quantity.REFLECTANCE, "given")
 
 
 def _on_working_grid(known: Spectrum) -> Spectrum:
     """The same at every wavelength of the working grid, which it must cover."""
-    values, error = spectrum_on_grid(known, FINE_GRID), known.standard_error
+    values, error = spectrum_files.spectrum_on_grid(known, FINE_GRID), known.standard_error
     return Spectrum(FINE_GRID, values, known.quantity, known.source, None if error is None
                     else np.interp(FINE_GRID.nm, known.grid.nm, error))
 
@@ -136,6 +131,6 @@ def as_reflectance_at(nm: np.ndarray, given: KnownSpectrum | ArrayLike, name: st
             raise InputError(f"{name}: {values.shape} values were given for the {nm.size} "
                              f"wavelengths from {nm[0]:g} to {nm[-1]:g} nm; give one for each, or "
                              "(nm, values)")
-        check_reflectance(values, nm, name)
+        spectrum_files.check_reflectance(values, nm, name)
         return values
     return np.interp(nm, FINE_GRID.nm, as_reflectance(given, name))   # type: ignore[arg-type]

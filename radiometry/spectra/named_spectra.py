@@ -10,13 +10,7 @@ import numpy as np
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import names_a_file
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.published.published_tables import (
-    CAMERAS,
-    LIGHTS,
-    OBSERVERS,
-    published_curves,
-    published_names,
-)
+from spectrabox.radiometry.published import published_tables
 from spectrabox.radiometry.records.spectra import (
     Quantity,
     Spectrum,
@@ -24,20 +18,9 @@ from spectrabox.radiometry.records.spectra import (
     WavelengthGrid,
     default_band_names,
 )
-from spectrabox.radiometry.spectra.kept_cameras import own_cameras
-from spectrabox.radiometry.spectra.light_words import (
-    LIGHT_KINDS,
-    SAME_KIND,
-    UNKNOWN,
-    vague_words,
-)
-from spectrabox.radiometry.spectra.spectrum_files import (
-    on_grid,
-    read_curves,
-    read_spectrum,
-    spectrum_on_grid,
-)
-from spectrabox.radiometry.system.known_names import known_name, nearest_words
+from spectrabox.radiometry.spectra import light_words, spectrum_files
+from spectrabox.radiometry.spectra.cameras import own_cameras
+from spectrabox.radiometry.system.words import known_name, nearest_words
 
 NEAR = "A (tungsten, 2856 K), D50 or D65 (daylight), FL11 (tubes), LED-B3"
 CHARTS = ("BabelColor Average", "ISO 17321-1", "ColorChecker N Ohta", "PMC")
@@ -60,7 +43,7 @@ def sensitivities(name: str, grid: WavelengthGrid) -> np.ndarray:
         are products with a light.
     """
     known, nm, _, curves = named_curves(name)
-    curves = on_grid(nm, curves, grid, known)
+    curves = spectrum_files.on_grid(nm, curves, grid, known)
     return checked_curves(curves, name, grid)
 
 
@@ -110,9 +93,10 @@ def named_curves(name: str) -> tuple[str, np.ndarray, tuple[str, ...], np.ndarra
     own = known_name(name, kept)
     if names_a_file(name) or own is not None:
         path = Path(name) if own is None else kept[own]
-        return (path.name if own is None else own, *read_curves(path))
-    known, nm, curves = _by_name(name, (CAMERAS, OBSERVERS), "camera or observer",
-                                 "a file of curves, one column per band", tuple(kept))
+        return (path.name if own is None else own, *spectrum_files.read_curves(path))
+    known, nm, curves = _by_name(name, (published_tables.CAMERAS, published_tables.OBSERVERS),
+                                 "camera or observer", "a file of curves, one column per band",
+                                 tuple(kept))
     bands = ("X", "Y", "Z") if known.startswith("CIE") else default_band_names(len(curves))
     return known, nm, bands, curves
 
@@ -133,9 +117,10 @@ def light(name: str, grid: WavelengthGrid) -> np.ndarray:
         If there is neither such a file nor such a name, or the spectrum is not that of a light.
     """
     if names_a_file(name):
-        values = spectrum_on_grid(read_spectrum(Path(name), role=Quantity.RELATIVE), grid)
+        values = spectrum_files.spectrum_on_grid(
+            spectrum_files.read_spectrum(Path(name), role=Quantity.RELATIVE), grid)
     else:
-        values = on_grid(*light_samples(name), grid, name)
+        values = spectrum_files.on_grid(*light_samples(name), grid, name)
     return checked_light(values, f"the light {name}")
 
 
@@ -172,13 +157,15 @@ def light_samples(name: str) -> tuple[np.ndarray, np.ndarray]:
         If there is neither such a file nor such a name.
     """
     if names_a_file(name):
-        spectrum = read_spectrum(Path(name), role=Quantity.RELATIVE)
+        spectrum = spectrum_files.read_spectrum(Path(name), role=Quantity.RELATIVE)
         return spectrum.grid.nm, spectrum.values
-    if name not in published_names(LIGHTS) and vague_words(name) is not None:
+    if name not in published_tables.published_names(
+            published_tables.LIGHTS) and light_words.vague_words(name) is not None:
         raise InputError(f"{name!r} says of what kind a light is, and here its spectrum is needed: "
                          f"give a CSV file of it, or a CIE name that comes near it, such as {NEAR}")
-    _, nm, curves = _by_name(name, (LIGHTS,), "light", "a CSV file of its spectrum",
-                             (*LIGHT_KINDS, *SAME_KIND))
+    _, nm, curves = _by_name(name, (published_tables.LIGHTS, ), "light",
+                             "a CSV file of its spectrum",
+                             (*light_words.LIGHT_KINDS, *light_words.SAME_KIND))
     return nm, curves[0]
 
 
@@ -200,11 +187,16 @@ def test_reflectances(grid: WavelengthGrid) -> dict[str, np.ndarray]:
     sets["CIE 13.3 test colours"] = [sd for part in SDS_TCS.values() for sd in part.values()]
     sets["NIST CQS test colours"] = [sd for part in SDS_VS.values() for sd in part.values()]
     resampled = {
-        name: np.array([on_grid(np.asarray(sd.wavelengths), np.asarray(sd.values), grid, name)
-                        for sd in spectra]) for name, spectra in sets.items()}
+        name:
+        np.array([
+            spectrum_files.on_grid(np.asarray(sd.wavelengths), np.asarray(sd.values), grid, name)
+            for sd in spectra
+        ])
+        for name, spectra in sets.items()
+    }
     samples = load_TCS_CIE2017(colour.SpectralShape(380, 780, 5))
-    resampled["CES99"] = on_grid(np.asarray(samples.wavelengths), np.asarray(samples.values).T,
-                                 grid, "CES99")
+    resampled["CES99"] = spectrum_files.on_grid(np.asarray(samples.wavelengths),
+                                                np.asarray(samples.values).T, grid, "CES99")
     return resampled
 
 
@@ -236,12 +228,12 @@ def relative_response(sensitivity: str, light_name: str,
 def _by_name(name: str, kinds: tuple[str, ...], what: str, instead: str,
              own: tuple[str, ...] = ()) -> tuple[str, np.ndarray, np.ndarray]:
     """The name as it is known, wavelengths (P,) and curves (K, P)."""
-    kind_of = {known: kind for kind in kinds for known in published_names(kind)}
+    kind_of = {known: kind for kind in kinds for known in published_tables.published_names(kind)}
     meant = known_name(name, kind_of)
     if meant is None:
         raise InputError(f"{name!r} is no {what} that is known"
                          f"{nearest_words(name, [*own, *kind_of])}; give one of these or {instead}")
-    return meant, *published_curves(kind_of[meant], meant)
+    return meant, *published_tables.published_curves(kind_of[meant], meant)
 
 
 # ---- lights as an operator states them -----------------------------------------------------------
@@ -265,8 +257,9 @@ def stated_light(word: str, grid: WavelengthGrid) -> Spectrum | UnknownLight:
     vague = vague_light(word)
     if vague is not None:
         return vague
-    return read_spectrum(Path(word), role=Quantity.RELATIVE) if names_a_file(word) else \
-        spectrum_of_name(word, grid)
+    if names_a_file(word):
+        return spectrum_files.read_spectrum(Path(word), role=Quantity.RELATIVE)
+    return spectrum_of_name(word, grid)
 
 
 def spectrum_of_name(name: str, grid: WavelengthGrid) -> Spectrum:
@@ -284,11 +277,11 @@ def spectrum_of_name(name: str, grid: WavelengthGrid) -> Spectrum:
     """
     try:
         values = light(name, grid)
-        return Spectrum(grid, values, Quantity.RELATIVE,
-                        f"CIE {known_name(name, published_names(LIGHTS)) or name}")
+        published = published_tables.published_names(published_tables.LIGHTS)
+        return Spectrum(grid, values, Quantity.RELATIVE, f"CIE {known_name(name, published) or name}")
     except InputError as error:
-        raise InputError(f"{error}; a light may also be {UNKNOWN}, 3200K or one of "
-                         f"{', '.join(LIGHT_KINDS)}") from None
+        raise InputError(f"{error}; a light may also be {light_words.UNKNOWN}, 3200K or one of "
+                         f"{', '.join(light_words.LIGHT_KINDS)}") from None
 
 
 def vague_light(word: str) -> UnknownLight | None:
@@ -303,5 +296,5 @@ def vague_light(word: str) -> UnknownLight | None:
     InputError
         If it is a temperature that no lamp has.
     """
-    stated = vague_words(word)
+    stated = light_words.vague_words(word)
     return None if stated is None else UnknownLight(*stated)

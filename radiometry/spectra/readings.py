@@ -10,7 +10,7 @@ from typing import Annotated
 import numpy as np
 
 from spectrabox.radiometry.findings import Finding, Severity
-from spectrabox.radiometry.records.spectra import Quantity, Spectrum, WavelengthGrid
+from spectrabox.radiometry.records import spectra
 from spectrabox.radiometry.shaped import Record
 
 
@@ -42,9 +42,9 @@ class SpectralReading(Record):
     ``outcome`` says why.
     """
 
-    spectrum: Spectrum | None
+    spectrum: spectra.Spectrum | None
     outcome: ReadingOutcome
-    quantity: Quantity | None  # as the instrument states it; None without a spectrum
+    quantity: spectra.Quantity | None  # as the instrument states it; None without a spectrum
     instrument: str                                 # model as the instrument names itself
     serial_number: str
     firmware: str | None                            # None where the instrument does not state it
@@ -63,12 +63,12 @@ class SpectralReading(Record):
 class ReadingSeries(Record):
     """Repeats of one reading: the mean, how far the repeats differ, and whether they run away."""
 
-    grid: WavelengthGrid
+    grid: spectra.WavelengthGrid
     mean: Annotated[np.ndarray, "P"]
     spread: Annotated[np.ndarray, "P"]  # standard deviation of one reading; NaN for a single one
     relative_drift: float                           # of the integral, over the whole series
     relative_drift_error: float                     # its standard error; NaN below three readings
     readings: int
-    quantity: Quantity
+    quantity: spectra.Quantity
     findings: tuple[Finding, ...]
     calibration_error: Annotated[np.ndarray, "P"]   # of the mean; 0 where no calibration was given

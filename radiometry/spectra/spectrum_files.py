@@ -12,30 +12,17 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.grid import grid_from_nm
-from spectrabox.radiometry.records.spectra import PRODUCTS, Quantity, Spectrum, WavelengthGrid
+from spectrabox.radiometry.grid import grid_from_nm, pchip
+from spectrabox.radiometry.records import spectra
+from spectrabox.radiometry.spectra.formats import delimited, light_meters, measurement_table
 from spectrabox.radiometry.spectra.formats.asd import is_asd, read_asd
 from spectrabox.radiometry.spectra.formats.cgats import is_cgats, read_cgats
-from spectrabox.radiometry.spectra.formats.csvw import envi_header_of
-from spectrabox.radiometry.spectra.formats.delimited import read_delimited, table_text
+from spectrabox.radiometry.spectra.formats.delimited import table_text
 from spectrabox.radiometry.spectra.formats.envi import is_envi_header, read_envi
-from spectrabox.radiometry.spectra.formats.light_meters import (
-    is_sekonic,
-    is_uprtek,
-    read_sekonic,
-    read_uprtek,
-)
-from spectrabox.radiometry.spectra.formats.measurement_table import (
-    SpectralTable,
-    checked_table,
-    distinct,
-    file_content,
-    text_of,
-)
+from spectrabox.radiometry.spectra.formats.measurement_table import SpectralTable
 from spectrabox.radiometry.spectra.formats.rawtoaces import is_rawtoaces, read_rawtoaces
 from spectrabox.radiometry.spectra.formats.spectral_exr import MAGIC, read_spectral_exr
 from spectrabox.radiometry.spectra.formats.tm27 import is_tm27, read_tm27
-from spectrabox.radiometry.spectra.resampling import pchip
 
 __all__ = ["SpectralTable", "check_reflectance", "column_index", "format_of", "on_grid",
            "read_curves", "read_reflectances", "read_spectrum", "read_table", "require_fraction",
@@ -50,9 +37,10 @@ SI_FACTORS = {"uw cm-2 sr-1 nm-1": 0.01, "µw cm-2 sr-1 nm-1": 0.01, "μw cm-2 s
               "uw cm-2 nm-1": 0.01, "µw cm-2 nm-1": 0.01, "μw cm-2 nm-1": 0.01,
               "mw m-2 nm-1": 1e-3, "mw m-2 sr-1 nm-1": 1e-3, "percent": 0.01, "%": 0.01}
 READERS: dict[str, Callable[[bytes, Path], SpectralTable]] = {
-    "ASD": read_asd, "CGATS": read_cgats, "TM-27": read_tm27, "ENVI": read_envi,
-    "Sekonic": read_sekonic, "UPRTek": read_uprtek, "rawtoaces": read_rawtoaces,
-    "spectral EXR": read_spectral_exr}
+    "ASD": read_asd, "CGATS": read_cgats, "TM-27": read_tm27, "ENVI": read_envi, "Sekonic":
+    light_meters.read_sekonic, "UPRTek": light_meters.read_uprtek, "rawtoaces": read_rawtoaces,
+    "spectral EXR": read_spectral_exr
+}
 SUFFIXES = {".asd": "ASD", ".sp": "CGATS", ".ti3": "CGATS", ".ccss": "CGATS",
             ".spdx": "TM-27", ".sli": "ENVI", ".hdr": "ENVI", ".exr": "spectral EXR",
             ".csv": "CSV"}
@@ -79,18 +67,20 @@ def read_table(path: Path) -> SpectralTable:
         If the file is missing, is of no known format, is damaged, or its wavelengths are not
         ascending in nm.
     """
-    content = file_content(path)
+    content = measurement_table.file_content(path)
     kind = format_of(content, path)
     # what overflows is noted as a gap
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        table = read_delimited(content, path) if kind == "CSV" else READERS[kind](content, path)
+        table = delimited.read_delimited(content, path) if kind == "CSV" else READERS[kind](content,
+                                                                                            path)
     expected = SUFFIXES.get(path.suffix.lower())
     notes = table.notes
     if expected not in (None, kind):
         notes = (f"{path.name} is a {kind} file in spite of its name, and was read as one", *notes)
-    return checked_table(SpectralTable(table.nm, table.names, table.values,
-                                       {"format": kind, **table.facts}, table.file, table.main,
-                                       table.column_facts, notes))
+    return measurement_table.checked_table(
+        SpectralTable(table.nm, table.names, table.values,
+                                        {"format": kind, **table.facts}, table.file, table.main,
+                                        table.column_facts, notes))
 
 
 def format_of(content: bytes, path: Path) -> str:
@@ -116,16 +106,17 @@ def format_of(content: bytes, path: Path) -> str:
         raise InputError(f"{path.name} is {foreign}; a file of spectra is needed")
     if is_envi_header(content):
         return "ENVI"
-    if path.suffix.lower() in (".sli", ".slb") or (b"\x00" in content and envi_header_of(path)
-                                                   is not None):
+    if path.suffix.lower() in (".sli", ".slb") or (b"\x00" in content
+                                                   and delimited.envi_header_of(path) is not None):
         return "ENVI"
-    text = text_of(content, path.name)
-    tests = (("Sekonic", is_sekonic), ("UPRTek", is_uprtek), ("CGATS", is_cgats),
-             ("TM-27", is_tm27), ("rawtoaces", is_rawtoaces))
+    text = measurement_table.text_of(content, path.name)
+    tests = (("Sekonic", light_meters.is_sekonic), ("UPRTek", light_meters.is_uprtek),
+             ("CGATS", is_cgats), ("TM-27", is_tm27), ("rawtoaces", is_rawtoaces))
     return next((kind for kind, test in tests if test(text)), "CSV")
 
 
-def read_spectrum(path: Path, *, role: Quantity, column: str | int | None = None) -> Spectrum:
+def read_spectrum(path: Path, *, role: spectra.Quantity,
+                  column: str | int | None = None) -> spectra.Spectrum:
     """One spectrum of a file of any known format, in SI units.
 
     Parameters
@@ -146,8 +137,8 @@ def read_spectrum(path: Path, *, role: Quantity, column: str | int | None = None
     return spectrum_of(read_table(path), role=role, column=column)
 
 
-def spectrum_of(table: SpectralTable, *, role: Quantity,
-                column: str | int | None = None) -> Spectrum:
+def spectrum_of(table: SpectralTable, *, role: spectra.Quantity,
+                column: str | int | None = None) -> spectra.Spectrum:
     """One column of a table as a spectrum in SI units.
 
     Parameters
@@ -168,17 +159,18 @@ def spectrum_of(table: SpectralTable, *, role: Quantity,
         raise InputError(f"{table.file}: column {table.names[index]!r} holds no numbers")
     quantity = _quantity(table, index, role)
     unit, factor = table.fact("unit", index), 1.0
-    if unit is not None and unit not in {member.value for member in Quantity}:
+    if unit is not None and unit not in {member.value for member in spectra.Quantity}:
         normal = re.sub(r"\s+", " ", unit.lower())
         if normal not in SI_FACTORS:
-            raise InputError(f"{table.file} states the unit {unit!r}, which is not known; known "
-                             f"are {', '.join([*(m.value for m in Quantity), *SI_FACTORS])}")
+            raise InputError(
+                f"{table.file} states the unit {unit!r}, which is not known; known "
+                f"are {', '.join([*(m.value for m in spectra.Quantity), *SI_FACTORS])}")
         factor = SI_FACTORS[normal]
-    if quantity is Quantity.REFLECTANCE:
+    if quantity is spectra.Quantity.REFLECTANCE:
         check_reflectance(values[valid] * factor, table.nm[valid], table.file)
     error = next((table.values[i] for i, name in enumerate(table.names)
                   if name == "standard_error"), None)
-    return Spectrum(grid_from_nm(table.nm[valid]), values[valid] * factor, quantity,
+    return spectra.Spectrum(grid_from_nm(table.nm[valid]), values[valid] * factor, quantity,
                     table.facts.get("source", f"{table.file}, column {table.names[index]}"),
                     None if error is None else error[valid] * factor)
 
@@ -225,15 +217,16 @@ def refuse_products(source: str, name: str) -> None:
     InputError
         For products of sensitivity and an unknown light.
     """
-    if PRODUCTS in source:
-        raise InputError(f"{name} holds {PRODUCTS}, as a chart photo under an unknown light gives "
-                         "them: under another light they mean nothing. Fit the camera again with "
-                         "the light of its photo stated (camera fit --light FILE, a CIE name or "
-                         "3200K), or measure photos under the same light by their chart "
-                         "(spectrabox flat)")
+    if spectra.PRODUCTS in source:
+        raise InputError(
+            f"{name} holds {spectra.PRODUCTS}, as a chart photo under an unknown light gives "
+            "them: under another light they mean nothing. Fit the camera again with "
+            "the light of its photo stated (camera fit --light FILE, a CIE name or "
+            "3200K), or measure photos under the same light by their chart "
+            "(spectrabox flat)")
 
 
-def read_reflectances(path: Path, grid: WavelengthGrid) -> dict[str, np.ndarray]:
+def read_reflectances(path: Path, grid: spectra.WavelengthGrid) -> dict[str, np.ndarray]:
     """Every reflectance (P,) of a file by name, as a fraction of 1 whatever unit the file states.
 
     Parameters
@@ -248,12 +241,17 @@ def read_reflectances(path: Path, grid: WavelengthGrid) -> dict[str, np.ndarray]
         As ``read_spectrum``, or if one does not cover the grid.
     """
     table = read_table(path)
-    return {name: spectrum_on_grid(spectrum_of(table, role=Quantity.REFLECTANCE, column=index + 2),
-                                   grid) for index, name in enumerate(distinct(list(table.names)))
-            if not name.startswith("standard_error")}
+    return {
+        name:
+        spectrum_on_grid(spectrum_of(table, role=spectra.Quantity.REFLECTANCE, column=index + 2),
+                         grid)
+        for index, name in enumerate(measurement_table.distinct(list(table.names)))
+        if not name.startswith("standard_error")
+    }
 
 
-def on_grid(nm: np.ndarray, values: np.ndarray, grid: WavelengthGrid, name: str) -> np.ndarray:
+def on_grid(nm: np.ndarray, values: np.ndarray, grid: spectra.WavelengthGrid,
+            name: str) -> np.ndarray:
     """Values (..., P) at the grid's wavelengths.
 
     Linear where they are sampled at 2.5 nm or finer, else monotone cubic.
@@ -282,7 +280,7 @@ def on_grid(nm: np.ndarray, values: np.ndarray, grid: WavelengthGrid, name: str)
     return pchip(nm, values, inside)
 
 
-def spectrum_on_grid(spectrum: Spectrum, grid: WavelengthGrid) -> np.ndarray:
+def spectrum_on_grid(spectrum: spectra.Spectrum, grid: spectra.WavelengthGrid) -> np.ndarray:
     """The spectrum's values (P,) at the grid's wavelengths; see ``on_grid``.
 
     Parameters
@@ -344,17 +342,18 @@ def column_index(table: SpectralTable, column: str | int | None) -> int:
     return matches[0]
 
 
-def _quantity(table: SpectralTable, index: int, role: Quantity) -> Quantity:
+def _quantity(table: SpectralTable, index: int,
+              role: spectra.Quantity) -> spectra.Quantity:
     stated = table.fact("quantity", index)
     if stated is None:
         return role
     try:
-        quantity = Quantity[stated.upper()]
+        quantity = spectra.Quantity[stated.upper()]
     except KeyError:
-        known = ", ".join(member.name.lower() for member in Quantity)
+        known = ", ".join(member.name.lower() for member in spectra.Quantity)
         raise InputError(
             f"{table.file} states the quantity {stated!r}; known are {known}") from None
-    lights = {Quantity.IRRADIANCE, Quantity.RADIANCE, Quantity.RELATIVE}
+    lights = {spectra.Quantity.IRRADIANCE, spectra.Quantity.RADIANCE, spectra.Quantity.RELATIVE}
     if quantity is not role and not {quantity, role} <= lights:
         raise InputError(f"{table.file} holds {quantity.name.lower()}; {role.name.lower()} is "
                          "needed here")

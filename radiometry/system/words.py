@@ -1,10 +1,16 @@
-"""Words from files and people made safe for messages and files: short, without anything that a
+"""Words from files and people made safe for messages, and names that are not known answered with
+the nearest.
+
+Words from files and people made safe for messages and files: short, without anything that a
 terminal, an XML reader or a spreadsheet would obey; and the rule for names that people give to
 sessions, materials, views, regions, bands and measurements, with the files that are named after
 them.
 """
+
+
 from __future__ import annotations
 
+import difflib
 import re
 import unicodedata
 from collections.abc import Iterable
@@ -130,3 +136,77 @@ def _without_middle(text: str, characters: int) -> str:
     if len(text) <= characters:
         return text
     return f"{text[:characters * 2 // 3]}...{text[-characters // 4:]} ({len(text)} characters)"
+
+
+# ---- known names ---------------------------------------------------------------------------------
+
+NEAR = 0.4          # of two words, by the share of letters that they have in common
+SHOWN = 3
+# letters that sound alike; doubled ones, and an h that only lengthens another, count once
+SOUNDS = ((r"ph", "f"), (r"gh(?=t|$)", ""), (r"qu", "kw"), (r"x", "ks"), (r"c(?=[eiy])", "s"),
+          (r"[cq]", "k"), (r"z", "s"), (r"y", "i"), (r"(?<=[a-z])h", ""), (r"(.)\1+", r"\1"))
+
+
+def known_name(name: str, names: Iterable[str]) -> str | None:
+    """The one of some names that is meant, whatever its capitals, blanks and hyphens, without the
+    source in brackets, and of a Nikon without the D; None where none is, or two are.
+
+    Parameters
+    ----------
+    name : str
+    names : iterable of str
+    """
+    known = list(names)
+    if name in known:
+        return name
+    meant = [each for each in known
+             if _plain(name) in (_plain(each), _plain(each.partition(" (")[0]))]
+    return meant[0] if len(meant) == 1 else None
+
+
+def nearest_names(name: str, names: Iterable[str], shown: int = SHOWN,
+                  near: float = NEAR) -> list[str]:
+    """The names that were perhaps meant, by their letters or by their sound, the nearest first.
+
+    Parameters
+    ----------
+    name : str
+    names : iterable of str
+        Capitals and the source in brackets do not count.
+    shown : int
+        How many, at most.
+    near : float
+        How much they have to be alike, 0 to 1.
+    """
+    likeness: dict[str, float] = {}
+    for known in names:
+        for form in (known, known.partition(" (")[0]):
+            for spelling in (_plain, sound):
+                alike = difflib.SequenceMatcher(None, spelling(form), spelling(name)).ratio()
+                likeness[known] = max(alike, likeness.get(known, 0.0))
+    order = sorted(likeness, key=lambda known: -likeness[known])
+    return [known for known in order if likeness[known] >= near][:shown]
+
+
+def nearest_words(name: str, names: Iterable[str]) -> str:
+    """The end of a sentence on a name that is not known; empty where none is near.
+
+    Parameters
+    ----------
+    name : str
+    names : iterable of str
+    """
+    near = nearest_names(name, names)
+    return f"; nearest are {', '.join(near)}" if near else ""
+
+
+def sound(name: str) -> str:
+    """About how a name sounds: "phlourescent" as "fluorescent" but for one vowel."""
+    heard = _plain(name)
+    for written, spoken in SOUNDS:
+        heard = re.sub(written, spoken, heard)
+    return heard
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"^nikond(?=\d)", "nikon", re.sub(r"[\s_-]+", "", name.casefold()))

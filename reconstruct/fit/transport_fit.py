@@ -1,21 +1,282 @@
-"""Spectra from views through their traced light transports, with covariance.
+"""Spectra from views through their traced light transports, with covariance, and what the photos
+determine of them.
+
+Spectra from views through their traced light transports, with covariance.
 
 Bounded, regularised Gauss-Newton. The unknowns are the spline coefficients of every unknown
 material, in [0, 1], shared by all views; and of each view its light scale, where that is asked for,
 and the nuisances of ``view_terms.py``. The prior on spectra decides what the photos leave open, and
 ``identifiability.py`` says what that is.
 """
+
+
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from spectrabox.radiometry.covariance import block_diagonal
-from spectrabox.radiometry.records.spectra import Outcome
-from spectrabox.reconstruct.fit.spectrum_prior import SpectrumPrior
-from spectrabox.reconstruct.fit.view_terms import ViewFit, ViewTerms
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import basis_matrix, interpolation_matrix
+from spectrabox.radiometry.records import scenes
+from spectrabox.radiometry.records.spectra import Outcome, WavelengthGrid
+from spectrabox.reconstruct.fit import view_terms
+from spectrabox.reconstruct.scene.surfaces import region_means
+from spectrabox.reconstruct.settings import SPECTRUM_PRIORS, InversionSettings
+from spectrabox.reconstruct.tracer.transport import TracedTransport
+from spectrabox.reconstruct.view import PhotoView, unknown_materials
+
+LAMP_SHARE = 1e-3  # of a region's light straight from a lamp: above, its edge runs through a pixel
+ROBUST_ROUNDS = 2        # times that pixels beyond HUBER sigma are weighed anew
+DOUBTED = 0.5  # weight of a region in the robust fit below which the samplers leave it out
+
+
+@dataclass(frozen=True, eq=False)
+class TracedView:
+    """One view with its light transport by R regions, and the weight of each region."""
+
+    view: PhotoView
+    traced: TracedTransport
+    region: np.ndarray              # (H, W)
+    group: np.ndarray               # (R,) surface of each region
+    nuisances: view_terms.Nuisances
+    # by which the view's photo and light scale are tied
+    known_light: scenes.KnownLight | None = None
+
+    @cached_property
+    def measured(self) -> np.ndarray:
+        """Signal (R, K)."""
+        return region_means(self.view.measured, self.region)
+
+    @cached_property
+    def variance(self) -> np.ndarray:
+        """Variance (R, K) of the signal against the rendering."""
+        pixels = np.bincount(self.region[self.region >= 0])
+        rendering = smoothed_variance(self.traced.relative_variance, self.group, pixels)
+        return self.photo_variance + rendering[:, None] * self.measured**2
+
+    @cached_property
+    def photo_variance(self) -> np.ndarray:
+        """Variance (R, K) of the signal against a rendering without noise."""
+        pixels = np.bincount(self.region[self.region >= 0])
+        return np.asarray(region_means(self.view.variance, self.region) / pixels[:, None]
+                          + self.nuisances.block_error**2 * self.measured**2)
+
+    @cached_property
+    def weight(self) -> np.ndarray:
+        """Inverse variance (R, K), 0 for the regions that see a lamp."""
+        coefficients = self.traced.coefficients
+        direct = coefficients[:, ::len(self.traced.exponents)].sum(axis=1)
+        lamp = direct > LAMP_SHARE * coefficients.sum(axis=1)
+        return np.where(lamp[:, None], 0.0, 1 / self.variance)
+
+    def terms(self, coefficients: int, trust: np.ndarray | None = None) -> view_terms.ViewTerms:
+        """The view's part of the cost.
+
+        Parameters
+        ----------
+        coefficients : int
+            N of every spectrum.
+        trust : (R, 1) array, optional
+            Factor on the weight of each region, 0 to 1.
+        """
+        weight = self.weight if trust is None else trust * self.weight
+        system = view_terms.compress(self.traced.coefficients, self.measured, weight, self.group,
+                          self.traced.deviations)
+        view, responses = self.view, self.view.responses
+        known = {index: material.reflectance
+                 for index, material in enumerate(view.scene_materials)
+                 if material.reflectance is not None}
+        # a response for each light that was traced separately
+        model = view_terms.SpectrumModel(self.traced.exponents,
+                              responses if self.traced.passes.shape[2] > 1 else responses[:1],
+                              view.basis(coefficients), known)
+        return view_terms.ViewTerms(system, model, self.nuisances)
+
+    def trust(self, fit: view_terms.ViewFit) -> np.ndarray:
+        """Huber weight (R, 1) of each region at the solution, in (0, 1].
+
+        Parameters
+        ----------
+        fit : ViewFit
+            Of this view.
+        """
+        gain = np.array([fit.gains.get(surface, np.ones(self.measured.shape[1]))
+                         for surface in self.group.tolist()])
+        predicted = fit.scale * gain * (self.traced.coefficients @ fit.signals)
+        return view_terms.huber_weight(self.measured - predicted, np.sqrt(self.variance))
+
+    def regions(self, fit: view_terms.ViewFit) -> scenes.RegionTransport | None:
+        """The regions as the samplers of a whole scene take them.
+
+        None where lights were traced separately, since their spectra differ.
+
+        Parameters
+        ----------
+        fit : ViewFit
+            Of this view; regions that it weighs below ``DOUBTED`` are left out.
+        """
+        traced = self.traced
+        if traced.passes.shape[2] > 1:
+            return None
+        seen = self.weight.max(axis=1) > 0
+        weight = np.where(seen, self.trust(fit).min(axis=1), 0.0)
+        names = tuple(material.name for material in self.view.scene_materials)
+        material = np.array([names.index(name) for name in self.view.surface_materials])[self.group]
+        return scenes.RegionTransport(
+            scenes.LightTransport(names, np.array(traced.exponents), np.array(traced.coefficients)),
+            np.where(weight[:, None] >= DOUBTED, self.measured, np.nan), np.sqrt(self.variance),
+            np.array(self.group), material, self.nuisances.surface_error,
+            self.nuisances.brightness_error)
+
+
+def fit_traced(views: Sequence[TracedView], priors: Sequence[SpectrumPrior],
+               start: np.ndarray | None = None) -> TransportFit:
+    """Most probable spectra of all views, fitted robustly.
+
+    Regions that no spectrum explains lose weight round by round. Regions that see the lamp count
+    nothing.
+
+    Parameters
+    ----------
+    views : V views
+    priors : U of SpectrumPrior
+        In the order of ``unknown_materials``.
+    start : (U, N) array, optional
+        Coefficients from which the fit sets out.
+    """
+    bsdfs = [material.bsdf for material in unknown_materials([view.view for view in views])]
+    materials = [tuple(bsdfs.index(material.bsdf) for material in view.view.unknown)
+                 for view in views]
+    count = priors[0].mean.size
+    fit = fit_views([view.terms(count) for view in views], materials, priors, start)
+    for _ in range(ROBUST_ROUNDS):
+        terms = [view.terms(count, view.trust(solution))
+                 for view, solution in zip(views, fit.views, strict=True)]
+        fit = fit_views(terms, materials, priors, fit.coefficients)
+    return fit
+
+
+def smoothed_variance(relative_variance: np.ndarray, group: np.ndarray,
+                      pixels: np.ndarray) -> np.ndarray:
+    """Monte Carlo variance (R,) of each region, half its own and half its surface's.
+
+    Few passes know it only roughly. Regions differ in size, so what they share is the variance of
+    one pixel's paths.
+
+    Parameters
+    ----------
+    relative_variance : (R,) array
+    group : (R,) int
+        Surface of each region.
+    pixels : (R,) int
+        Of each region.
+    """
+    of_pixel = relative_variance * pixels
+    pooled = np.bincount(group, of_pixel) / np.maximum(np.bincount(group), 1)
+    return 0.5 * (of_pixel + pooled[group]) / pixels
+
+
+# ---- gaussian priors on the spectra, which decide what the photos leave open ---------------------
+
+BROAD = 1.0  # standard deviation of a coefficient around 0.5 by the prior, besides smoothness
+UNEXPLAINED = 0.01      # standard deviation of a coefficient that no learnt spectrum explains
+
+
+@dataclass(frozen=True, eq=False)
+class SpectrumPrior:
+    """Gaussian prior of the coefficients of one material."""
+
+    mean: np.ndarray                    # (N,)
+    precision: np.ndarray               # (N, N)
+
+
+def spectrum_prior(settings: InversionSettings, grid: WavelengthGrid,
+                   of_family: scenes.LearntSpectra | None = None) -> SpectrumPrior:
+    """Prior of the coefficients of an unknown material, as the settings choose it.
+
+    Parameters
+    ----------
+    settings : InversionSettings
+        Of which ``spectrum_prior``, ``smoothness``, ``coefficients`` and ``learnt`` count.
+    grid : WavelengthGrid
+        P wavelengths, on which a learnt prior is interpolated.
+    of_family : LearntSpectra, optional
+        In place of ``learnt``, where the material's family of surfaces is stated.
+
+    Raises
+    ------
+    InputError
+        If the settings name an unknown prior, or a learnt one without its data.
+    """
+    if settings.spectrum_prior not in SPECTRUM_PRIORS:
+        raise InputError(f"there is no prior on spectra {settings.spectrum_prior!r}; "
+                         f"use one of {', '.join(SPECTRUM_PRIORS)}")
+    if settings.spectrum_prior != "learnt":
+        return smooth_prior(settings.coefficients,
+                            settings.smoothness if settings.spectrum_prior == "smooth" else 0.0)
+    learnt = of_family or settings.learnt
+    if learnt is None:
+        raise InputError("a learnt prior on spectra needs the mean and covariance of measured "
+                         "reflectances: give them, or choose the prior \"smooth\"")
+    between = interpolation_matrix(learnt.nm, grid.nm)
+    return learnt_prior(basis_matrix(grid.nm, settings.coefficients), between @ learnt.mean,
+                        between @ learnt.covariance @ between.T)
+
+
+def smooth_prior(coefficients: int, smoothness: float) -> SpectrumPrior:
+    """Prior of N coefficients with small second differences, broadly around 0.5.
+
+    exp(-tau/2 |second differences|^2) with tau = smoothness (N - 3)^3: the same curvature of the
+    spectrum for every N. Second differences are divided by the gaps of the Greville abscissae, so
+    that a straight spectrum has none.
+
+    Parameters
+    ----------
+    coefficients : int
+        N, 4 or more.
+    smoothness : float
+        0 leaves the broad prior alone.
+    """
+    position = greville_abscissae(coefficients)
+    mean_gap = 1.0 / (coefficients - 1)
+    second = np.zeros((coefficients - 2, coefficients))
+    for row in range(coefficients - 2):
+        left, right = np.diff(position[row:row + 3])
+        second[row, row:row + 3] = np.array([1 / left, -(1 / left + 1 / right),
+                                             1 / right]) * mean_gap
+    tau = smoothness * (coefficients - 3) ** 3
+    return SpectrumPrior(np.full(coefficients, 0.5),
+                         tau * second.T @ second + np.eye(coefficients) / BROAD**2)
+
+
+def learnt_prior(basis: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> SpectrumPrior:
+    """Prior of the coefficients from mean and covariance of measured reflectances.
+
+    Parameters
+    ----------
+    basis : (P, N) array
+    mean : (P,) array
+        At the wavelengths of the basis.
+    covariance : (P, P) array
+    """
+    to_coefficients = np.linalg.pinv(basis)
+    spread = to_coefficients @ covariance @ to_coefficients.T + UNEXPLAINED**2 * np.eye(
+        basis.shape[1])
+    return SpectrumPrior(to_coefficients @ mean, np.linalg.inv(spread))
+
+
+def greville_abscissae(coefficients: int) -> np.ndarray:
+    """Abscissae (N,) of the coefficients of a clamped cubic spline, 0 to 1."""
+    inner = np.linspace(0, 1, coefficients - 2)
+    knots = np.r_[[0.0] * 3, inner, [1.0] * 3]
+    return np.array([knots[i + 1:i + 4].mean() for i in range(coefficients)])
+
+
+# ---- spectra from views through their traced light transports, with covariance -------------------
 
 START = 0.3
 STEPS = 60
@@ -38,12 +299,12 @@ class TransportFit:
     # (D,) bool: surface gains and light scales, whose errors later stages add
     added_later: np.ndarray
     prior_precision: np.ndarray         # (U, N, N)
-    views: tuple[ViewFit, ...]
+    views: tuple[view_terms.ViewFit, ...]
     cost_history: np.ndarray
     outcome: Outcome
 
 
-def fit_views(views: Sequence[ViewTerms], materials: Sequence[tuple[int, ...]],
+def fit_views(views: Sequence[view_terms.ViewTerms], materials: Sequence[tuple[int, ...]],
               priors: Sequence[SpectrumPrior], start: np.ndarray | None = None) -> TransportFit:
     """Most probable coefficients of the materials that the views share.
 
@@ -85,7 +346,7 @@ def fit_views(views: Sequence[ViewTerms], materials: Sequence[tuple[int, ...]],
 class _Cost:
     """The cost of all views and priors, with its gradient and Gauss-Newton curvature."""
 
-    def __init__(self, views: Sequence[ViewTerms], materials: Sequence[tuple[int, ...]],
+    def __init__(self, views: Sequence[view_terms.ViewTerms], materials: Sequence[tuple[int, ...]],
                  priors: Sequence[SpectrumPrior]) -> None:
         self.views, self.spectra, self.unknown = views, priors, len(priors)
         coefficients = priors[0].mean.size
@@ -171,3 +432,124 @@ def _no_less_than_prior(information: np.ndarray, prior: np.ndarray) -> np.ndarra
     """
     values, vectors = np.linalg.eigh(information)
     return (vectors * np.maximum(values, 0.0)) @ vectors.T + prior
+
+
+# ---- identifiability -----------------------------------------------------------------------------
+
+# standard deviation, in coefficients, of the directions that the camera cannot see directly
+HIDDEN_ERROR = 0.25
+MIN_SINGULAR = 1e-6     # of the largest singular value: below, bands repeat each other
+# information of the photo over that of the prior, above which a direction is the photo's
+MIN_RATIO = 1.0
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """Of one material: how many directions of its N coefficients the photo determines."""
+
+    material: str
+    by_photo: int            # directions of which the photo holds more information than the prior
+    by_colour: int  # of these, as many as the camera has bands at most: read off the surface itself
+    by_interreflection: int  # the others: only light from other surfaces determines them
+    by_prior: int            # left to the prior
+    # (N,) information of the photo / of the prior along each direction, the best determined first
+    ratio: np.ndarray
+
+
+def band_signals(fit: TransportFit, operator: np.ndarray,
+                 names: int) -> tuple[np.ndarray, np.ndarray]:
+    """Signals of the unknown materials that the photo, not the prior on spectra, gives.
+
+    One more Gauss-Newton step from the solution with the prior on the spectra taken off: free in
+    what the bands see of each material, and only loosely held (``HIDDEN_ERROR``) in what they do
+    not; gains move along. The covariance is that of photo noise and Monte Carlo noise, and of gains
+    of lights and band mixing; gains of surfaces and the light scale are taken as exact: later
+    stages add their errors (``TransportFit.added_later``).
+
+    Parameters
+    ----------
+    fit : TransportFit
+    operator : (K, N) array
+        Relative signal of the coefficients; bands of several photos may stand in it one below the
+        other.
+    names : int
+        Number U of unknown materials.
+
+    Returns
+    -------
+    signals : (U, K) array
+        Relative to white.
+    covariances : (U, K, K) array
+    """
+    count = operator.shape[1]
+    left, singular, vt = np.linalg.svd(operator)
+    seen_of_each = int(np.count_nonzero(singular > MIN_SINGULAR * singular[0]))
+    size = names * count
+    turn = np.eye(len(fit.information))
+    turn[:size, :size] = np.kron(np.eye(names), vt.T)
+    hidden = np.zeros(len(turn))
+    hidden[:size] = np.tile(np.arange(count) >= seen_of_each, names) / HIDDEN_ERROR**2
+    information = turn.T @ fit.information @ turn + np.diag(hidden)
+    information += 1e-12 * np.trace(information) * np.eye(len(information))
+    move = np.linalg.solve(information, turn.T @ fit.pull)
+    within = ~fit.added_later
+    covariance = np.linalg.inv(information[np.ix_(within, within)])
+    to_signal = left[:, :seen_of_each] * singular[:seen_of_each]
+    signals, covariances = [], []
+    for index in range(names):
+        seen = slice(index * count, index * count + seen_of_each)
+        signals.append(operator @ fit.coefficients[index] + to_signal @ move[seen])
+        covariances.append(to_signal @ covariance[seen, seen] @ to_signal.T)
+    return np.array(signals), np.array(covariances)
+
+
+def identifiability(fit: TransportFit, materials: tuple[str, ...],
+                    operator: np.ndarray) -> tuple[Identifiability, ...]:
+    """Which directions of which material the photo determines, all else being unknown as well.
+
+    Other materials and all nuisances are marginalised.
+
+    Parameters
+    ----------
+    fit : TransportFit
+    materials : U names of the unknown materials
+    operator : (K, N) array
+        Relative signal of the coefficients.
+
+    Returns
+    -------
+    U of Identifiability
+    """
+    count = operator.shape[1]
+    size = count * len(materials)
+    cross = fit.information[:size, size:]
+    # nuisances marginalised; then, material by material, all others
+    photo = fit.information[:size, :size] - cross @ np.linalg.pinv(
+        fit.information[size:, size:], hermitian=True) @ cross.T
+    posterior = np.linalg.inv(photo + block_diagonal(*fit.prior_precision))
+    answers = []
+    for index, name in enumerate(materials):
+        own = slice(index * count, (index + 1) * count)
+        prior = fit.prior_precision[index]
+        root = np.linalg.cholesky(prior)
+        information = np.linalg.inv(posterior[own, own]) - prior
+        whitened = np.linalg.solve(root, np.linalg.solve(root, information).T)
+        ratio = np.linalg.eigvalsh((whitened + whitened.T) / 2)[::-1]
+        by_photo = int(np.count_nonzero(ratio > MIN_RATIO))
+        colour = min(by_photo, np.linalg.matrix_rank(operator))
+        answers.append(Identifiability(name, by_photo, int(colour), by_photo - int(colour),
+                                       count - by_photo, np.maximum(ratio, 0.0)))
+    return tuple(answers)
+
+
+def sentences(materials: tuple[Identifiability, ...]) -> tuple[str, ...]:
+    """One sentence per material: how much of its spectrum is measured and how much assumed.
+
+    Parameters
+    ----------
+    materials : U of Identifiability
+    """
+    return tuple(
+        f"{item.material}: of {item.ratio.size} coefficients the photo decides {item.by_photo} "
+        f"({item.by_colour} by the surface's own colour, {item.by_interreflection} only by "
+        f"interreflection); {item.by_prior} are left to the prior" for item in materials)

@@ -12,14 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.reconstruct.scene.box_tables import (
-    CORNERS,
-    BoxTable,
-    CameraTable,
-    ChartPlaceTable,
-    LampTable,
-    ObjectTable,
-)
+from spectrabox.reconstruct.scene import box_tables
 from spectrabox.reconstruct.scene.edit_scene import camera_nodes
 from spectrabox.reconstruct.scene.scene_file import PROFILE
 
@@ -33,8 +26,8 @@ FRAME = (" Lengths in mm: x to the right, y up, z out of the box's opening; (0, 
          "middle of the opening's lower edge. Reflectances and radiance are placeholders. ")
 
 
-def box_xml(box: BoxTable, size: tuple[int, int], pose: Mapping[str, Any] | None = None,
-            camera: CameraTable | None = None) -> str:
+def box_xml(box: box_tables.BoxTable, size: tuple[int, int], pose: Mapping[str, Any] | None = None,
+            camera: box_tables.CameraTable | None = None) -> str:
     """The scene of the box's photo.
 
     Parameters
@@ -61,7 +54,7 @@ def box_xml(box: BoxTable, size: tuple[int, int], pose: Mapping[str, Any] | None
     return _text(root)
 
 
-def chart_xml(box: BoxTable, chart: ChartPlaceTable) -> str:
+def chart_xml(box: box_tables.BoxTable, chart: box_tables.ChartPlaceTable) -> str:
     """The scene of the chart photo: the same lamp, and the card where it stood.
 
     Nothing of it depends on the camera, which stands in front of the card.
@@ -97,16 +90,17 @@ def is_of_box(path: Path) -> bool:
     return TAKE_OVER.split("{")[0].strip() in path.read_text(encoding="utf-8-sig")
 
 
-def box_edges(box: BoxTable) -> list[tuple[str, str]]:
+def box_edges(box: box_tables.BoxTable) -> list[tuple[str, str]]:
     """Names of the corners at both ends of each edge of the box, and of boxes in it."""
-    of_one = [(one, other) for number, one in enumerate(CORNERS) for other in CORNERS[number + 1:]
+    of_one = [(one, other) for number, one in enumerate(box_tables.CORNERS)
+              for other in box_tables.CORNERS[number + 1:]
               if sum(a != b for a, b in zip(one.split(), other.split(), strict=True)) == 1]
     boxes = [one.name for one in box.objects if one.size_mm is not None]
     return of_one + [(f"{name} {one}", f"{name} {other}") for name in boxes
                      for one, other in of_one]
 
 
-def _wall_steps(box: BoxTable, wall: str) -> list[ET.Element]:
+def _wall_steps(box: box_tables.BoxTable, wall: str) -> list[ET.Element]:
     """A rectangle, which spans -1 to 1 and faces +z, turned and moved to its position."""
     half_width, half_height, half_depth = box.width_mm / 2, box.height_mm / 2, box.depth_mm / 2
     if wall == "back":
@@ -120,7 +114,7 @@ def _wall_steps(box: BoxTable, wall: str) -> list[ET.Element]:
             _translate((-half_width if left else half_width, half_height, -half_depth))]
 
 
-def _object(one: ObjectTable) -> list[ET.Element]:
+def _object(one: box_tables.ObjectTable) -> list[ET.Element]:
     """Its shapes; a cylinder has a side and a top."""
     x, y, z = one.at_mm
     if one.shape == "box":
@@ -146,7 +140,7 @@ def _object(one: ObjectTable) -> list[ET.Element]:
     return [side, top]
 
 
-def _add_lamp(root: ET.Element, lamp: LampTable, at_mm: Sequence[float]) -> None:
+def _add_lamp(root: ET.Element, lamp: box_tables.LampTable, at_mm: Sequence[float]) -> None:
     if lamp.radius_mm is not None:
         shape = ET.SubElement(root, "shape", type="sphere", id="lamp")
         shape.append(_float("radius", lamp.radius_mm))
@@ -169,7 +163,7 @@ def _upright(direction: np.ndarray) -> tuple[float, float, float]:
     return (0.0, 1.0, 0.0) if across > 1e-3 * np.linalg.norm(direction) else (0.0, 0.0, 1.0)
 
 
-def _stated(camera: CameraTable) -> list[ET.Element]:
+def _stated(camera: box_tables.CameraTable) -> list[ET.Element]:
     assert camera.at_mm is not None and camera.look_at_mm is not None
     assert camera.fov_deg is not None
     return [_string("fov_axis", "x"), _float("fov", camera.fov_deg),

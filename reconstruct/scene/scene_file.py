@@ -1,9 +1,21 @@
-"""A Mitsuba scene as an operator wrote it, read as XML without any renderer.
+"""A Mitsuba scene as an operator wrote it, read as XML without any renderer, with the angular
+profile of a lamp.
+
+The measured angular profile of a lamp: radiance by angle from its normal, 1 straight ahead.
+
+A scene gives it to an area light as ``<string name="profile" value="lamp.csv"/>`` in the <emitter>.
+It is what a spectroradiometer reads that looks at the lamp from several angles. A luminaire file
+(IES) states intensity instead: divide by the cosine of the angle. The transport engine weighs every
+path with it; Mitsuba has no such light.
+
+A Mitsuba scene as an operator wrote it, read as XML without any renderer.
 
 The scene gives geometry, camera pose and light position. ``scene_xml`` rewrites it: its BSDFs are
 replaced by diffuse ones, coats and metals excepted, whose spectra are the materials of the session;
 its emitters get the measured light spectrum, its film the camera's bands.
 """
+
+
 from __future__ import annotations
 
 import os
@@ -13,26 +25,89 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import read_text
 from spectrabox.radiometry.records.photos import LinearImage
-from spectrabox.reconstruct.scene import plugins
-from spectrabox.reconstruct.scene.import_scene import (
-    COLOURING,
-    SPECTRAL_FACTOR,
-    IncludedFiles,
-    bsdf_of,
-    defaults_of,
-    find_file,
-    make_foreign_bsdfs_diffuse,
-    normalise_scene,
-    plain_bsdf,
-    resolve_includes,
-    substitute_defaults,
-)
+from spectrabox.radiometry.system.words import is_number
+from spectrabox.reconstruct.scene import import_scene, plugins
 
 if TYPE_CHECKING:
     import numpy as np
+
+
+STEP_DEG = 0.5
+TABLE_DEG = np.arange(0.0, 90.0 + STEP_DEG / 2, STEP_DEG)
+ROUND = 1e-6
+COLUMNS = (2, 3)
+
+
+def read_profile(path: Path) -> np.ndarray:
+    """Relative radiance (181,) at ``TABLE_DEG``, 1 straight ahead.
+
+    Linear between the angles; the last value holds up to 90 degrees.
+
+    Parameters
+    ----------
+    path : Path
+        File of rows "angle in degrees, radiance"; a first row may name them, and a third column
+        may state standard errors.
+
+    Raises
+    ------
+    InputError
+        If rows are no pairs of numbers, the angles do not rise from 0 to at most 90, or a radiance
+        is negative.
+    """
+    try:
+        # Latin-1 holds every byte: a name in any alphabet may stand in the first row
+        text = read_text(path, "latin-1")
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror}); give the lamp's "
+                         "profile") from None
+    rows = [line.split(",") for line in text.splitlines() if line.strip("\xef\xbb\xbf ")]
+    if rows and not is_number(rows[0][0]):
+        rows = rows[1:]
+    if len(rows) < 2 or not all(len(row) in COLUMNS and all(map(is_number, row)) for row in rows):
+        raise InputError(f"{path.name}: a lamp's profile needs two rows or more of an angle in "
+                         "degrees and a radiance, with a comma between them")
+    angle, radiance = np.array([row[:2] for row in rows], dtype=float).T
+    if not (np.all(np.diff(angle) > 0) and abs(angle[0]) < ROUND and angle[-1] <= 90 + ROUND):
+        raise InputError(f"{path.name}: the angles of a lamp's profile must rise from 0 (straight "
+                         "ahead) to at most 90")
+    if radiance.min() < 0 or not radiance[0] > 0 or not np.isfinite(radiance).all():
+        raise InputError(f"{path.name}: the radiances of a lamp's profile must be finite and not "
+                         "negative, and positive straight ahead")
+    return np.interp(TABLE_DEG, angle, radiance / radiance[0])
+
+
+def profile_text(angle_deg: np.ndarray, radiance: np.ndarray, standard_error: np.ndarray) -> str:
+    """A profile as ``read_profile`` reads it.
+
+    Parameters
+    ----------
+    angle_deg, radiance, standard_error : (J,) arrays
+    """
+    rows = [f"{angle:.4g},{value:.6g},{error:.3g}" for angle, value, error in
+            zip(angle_deg, radiance, standard_error, strict=True)]
+    return "\n".join(["angle_deg,radiance,standard_error", *rows]) + "\n"
+
+
+def relative_radiance(table: np.ndarray, cosine: np.ndarray) -> np.ndarray:
+    """Value of a profile, 0 or more, of the shape of ``cosine``.
+
+    Parameters
+    ----------
+    table : (181,) array
+        At ``TABLE_DEG``.
+    cosine : array
+        Of the angle from the lamp's normal.
+    """
+    return np.interp(np.degrees(np.arccos(np.clip(cosine, 0.0, 1.0))), TABLE_DEG, table)
+
+
+# ---- a Mitsuba scene as an operator wrote it, read as XML without any renderer -------------------
 
 MAX_DEPTH = 256         # reflections along a path; white walls leave 1e-6 of the light
 MAX_SIDE = 100_000      # pixels of a film
@@ -107,12 +182,12 @@ def scene_of_text(text: str, path: Path, folder: Path | None = None) -> SceneFil
         As of ``read_scene``.
     """
     root = parse_scene(text, path)
-    included = resolve_includes(root, path, folder)
-    defaults = defaults_of(root)
+    included = import_scene.resolve_includes(root, path, folder)
+    defaults = import_scene.defaults_of(root)
     for node in root.iter():        # as $integrator of scenes that offer several
         if "$" in node.get("type", ""):
-            node.set("type", substitute_defaults(node.get("type", ""), defaults))
-    make_foreign_bsdfs_diffuse(root)
+            node.set("type", import_scene.substitute_defaults(node.get("type", ""), defaults))
+    import_scene.make_foreign_bsdfs_diffuse(root)
     problems = [f"{path.name} {problem}" for problem in included.problems]
     # normalise_scene says what else is possible for shapes and emitters
     problems += [f"{path.name}: {problem}"
@@ -121,10 +196,12 @@ def scene_of_text(text: str, path: Path, folder: Path | None = None) -> SceneFil
     if sensor is None:
         problems.append(f"{path.name} has no <sensor>: the scene must hold the camera's pose and "
                         "field of view")
-    problems += [f"{path.name}: {problem}" for problem in normalise_scene(root)]
+    problems += [f"{path.name}: {problem}" for problem in import_scene.normalise_scene(root)]
     # a picture that is refused is not looked for
-    pictures = [node for texture in root.iter("texture") if texture.get("name") in COLOURING
-                for node in texture.iter("string")] if problems else []
+    pictures = [
+        node for texture in root.iter("texture") if texture.get("name") in import_scene.COLOURING
+        for node in texture.iter("string")
+    ] if problems else []
     files, missing = _named_files(root, path, included, folder, pictures)
     lights = list(root.iter("emitter"))
     if not lights:
@@ -150,8 +227,10 @@ def scene_of_text(text: str, path: Path, folder: Path | None = None) -> SceneFil
         raise InputError(f"{path.name} states a film of {width} x {height} pixels; 1 to {MAX_SIDE} "
                          "along each side is possible")
     bsdfs = tuple(node.get("id", "") for node in root.findall("bsdf"))
-    surfaces = {shape.get("id", ""): bsdf_of(shape, bsdfs) for shape in root.iter("shape")
-                if shape.find("emitter") is None}
+    surfaces = {
+        shape.get("id", ""): import_scene.bsdf_of(shape, bsdfs)
+        for shape in root.iter("shape") if shape.find("emitter") is None
+    }
     return SceneFile(path, root, width, height, depth if depth > 0 else 12, bsdfs, surfaces,
                      tuple(light_id(root, node) for node in lights), files, _profiles(root, path))
 
@@ -185,8 +264,9 @@ def check_materials(scene: SceneFile, bsdf_of_material: Mapping[str, str]) -> li
 def not_plain_products(scene: SceneFile) -> tuple[str, ...]:
     """Ids of surfaces' BSDFs whose reflected light is not proportional to their spectrum."""
     used = set(scene.surfaces.values())
-    return tuple(node.get("id", "") for node in scene.root.findall("bsdf")
-                 if node.get("id") in used and plain_bsdf(node).get("type") in SPECTRAL_FACTOR)
+    return tuple(
+        node.get("id", "") for node in scene.root.findall("bsdf") if node.get("id") in used
+        and import_scene.plain_bsdf(node).get("type") in import_scene.SPECTRAL_FACTOR)
 
 
 def parse_scene(text: str, path: Path, comments: bool = False) -> ET.Element:
@@ -212,23 +292,24 @@ def parse_scene(text: str, path: Path, comments: bool = False) -> ET.Element:
     return root
 
 
-def _named_files(root: ET.Element, path: Path, included: IncludedFiles, folder: Path | None,
+def _named_files(root: ET.Element, path: Path, included: import_scene.IncludedFiles,
+                 folder: Path | None,
                  left_out: list[ET.Element]) -> tuple[tuple[Path, ...], list[str]]:
     """The files that a scene names, which it then names by the way to them, and sentences about
     those that cannot be used.
     """
-    defaults, files, problems = defaults_of(root), [*included.files], []
+    defaults, files, problems = import_scene.defaults_of(root), [*included.files], []
     missing: list[str] = []
     nodes = [(node, attribute) for node, attribute in plugins.file_attributes(root)
              if node not in left_out]
     nodes += [(node, "value") for node in root.iter("string") if node.get("name") == PROFILE]
     for node, attribute in nodes:
-        name = substitute_defaults(node.get(attribute, ""), defaults)
+        name = import_scene.substitute_defaults(node.get(attribute, ""), defaults)
         if "$" in name:
             problems.append(f"{path.name} names the file {name!r} through a variable; write its "
                             "path out")
             continue
-        file = find_file(name, included.folders)
+        file = import_scene.find_file(name, included.folders)
         target = (file or path.parent / name).resolve()
         if folder is not None and not target.is_relative_to(folder.resolve()):
             problems.append(f"{path.name} names {name!r}, which lies outside the session folder; "
@@ -256,7 +337,6 @@ def _profiles(root: ET.Element, path: Path) -> dict[str, np.ndarray]:
             if light.get("type") != "area":
                 raise InputError(f"{path.name}: only an area light can have a measured profile, "
                                  f"and {light_id(root, light)!r} is of type {light.get('type')!r}")
-            from spectrabox.reconstruct.scene.light_profile import read_profile
             profiles[light_id(root, light)] = read_profile(path.parent / node.get("value", ""))
     return profiles
 

@@ -11,23 +11,14 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.system.words import plain
-from spectrabox.reconstruct.scene import plugins
-from spectrabox.reconstruct.scene.import_scene import (
-    CURRENT,
-    EMITTED,
-    SKY_MAP,
-    SPECTRAL_FACTOR,
-    plain_bsdf,
-    write_out_defaults,
-)
-from spectrabox.reconstruct.scene.scene_file import PROFILE, SceneFile, light_id
+from spectrabox.reconstruct.scene import import_scene, plugins, scene_file
 
 SPECTRUM_TAGS = ("spectrum", "rgb", "texture")
 # in place of a reflectance of 0 at all wavelengths: Mitsuba refuses a spectrum without any mass
 BLACK = 1e-6
 
 
-def scene_xml(scene: SceneFile, *, reflectances: Mapping[str, np.ndarray],
+def scene_xml(scene: scene_file.SceneFile, *, reflectances: Mapping[str, np.ndarray],
               light: np.ndarray | Mapping[str, np.ndarray], bands: Mapping[str, np.ndarray],
               range_nm: tuple[float, float], size: tuple[int, int],
               integrator: str = "prb") -> str:
@@ -57,10 +48,10 @@ def scene_xml(scene: SceneFile, *, reflectances: Mapping[str, np.ndarray],
         not be of that light.
     """
     root = _with_reflectances(scene, reflectances, range_nm)
-    write_out_defaults(root)
-    root.set("version", CURRENT)
+    import_scene.write_out_defaults(root)
+    root.set("version", import_scene.CURRENT)
     for node in root.iter("emitter"):
-        _set_light(node, light_id(root, node), light, range_nm, scene.path.name)
+        _set_light(node, scene_file.light_id(root, node), light, range_nm, scene.path.name)
     for node, attribute in plugins.file_attributes(root):
         # Mitsuba gets text, no folder
         node.set(attribute, str((scene.path.parent / node.get(attribute, "")).resolve()))
@@ -87,7 +78,7 @@ def scene_xml(scene: SceneFile, *, reflectances: Mapping[str, np.ndarray],
 
 
 def materials_xml(reflectances: Mapping[str, np.ndarray], range_nm: tuple[float, float],
-                  scene: SceneFile | None = None, folder: Path | None = None) -> str:
+                  scene: scene_file.SceneFile | None = None, folder: Path | None = None) -> str:
     """BSDFs that a stock Mitsuba loads, as XML text of a scene to ``<include>``.
 
     Parameters
@@ -116,7 +107,7 @@ def materials_xml(reflectances: Mapping[str, np.ndarray], range_nm: tuple[float,
     return _indented(root)
 
 
-def recovered_xml(scene: SceneFile, reflectances: Mapping[str, np.ndarray],
+def recovered_xml(scene: scene_file.SceneFile, reflectances: Mapping[str, np.ndarray],
                   range_nm: tuple[float, float], folder: Path) -> str:
     """A scene with recovered reflectances in its BSDFs, as XML text that a stock Mitsuba loads;
     camera, film, integrator and lights stay, but for measured profiles, which Mitsuba does not
@@ -134,13 +125,15 @@ def recovered_xml(scene: SceneFile, reflectances: Mapping[str, np.ndarray],
     """
     root = _with_reflectances(scene, reflectances, range_nm)
     for emitter in root.iter("emitter"):
-        for node in [each for each in emitter.findall("string") if each.get("name") == PROFILE]:
+        for node in [
+                each for each in emitter.findall("string") if each.get("name") == scene_file.PROFILE
+        ]:
             emitter.remove(node)
     _name_files_from(root, scene, folder)
     return _indented(root)
 
 
-def _with_reflectances(scene: SceneFile, reflectances: Mapping[str, np.ndarray],
+def _with_reflectances(scene: scene_file.SceneFile, reflectances: Mapping[str, np.ndarray],
                        range_nm: tuple[float, float]) -> ET.Element:
     """A copy of the scene's XML with spectra in its BSDFs."""
     root = copy.deepcopy(scene.root)
@@ -150,7 +143,7 @@ def _with_reflectances(scene: SceneFile, reflectances: Mapping[str, np.ndarray],
     return root
 
 
-def _name_files_from(root: ET.Element, scene: SceneFile, folder: Path) -> None:
+def _name_files_from(root: ET.Element, scene: scene_file.SceneFile, folder: Path) -> None:
     """Name the files of a scene as they are seen from a folder."""
     for node, attribute in plugins.file_attributes(root):
         file = scene.path.parent.resolve() / node.get(attribute, "")
@@ -167,8 +160,8 @@ def _set_light(node: ET.Element, name: str, light: np.ndarray | Mapping[str, np.
     """Put a spectrum into an emitter, and take its profile out; refuse a spectrum that a rendering
     of a profile or a map of the sky would not show.
     """
-    shaped = [child for child in node.findall("string") if child.get("name") == PROFILE]
-    sky = node.get("type") == SKY_MAP
+    shaped = [child for child in node.findall("string") if child.get("name") == scene_file.PROFILE]
+    sky = node.get("type") == import_scene.SKY_MAP
     if (shaped or sky) and (not isinstance(light, np.ndarray) or np.any(light != 1)):
         what = "measured profile" if shaped else "map of the sky"
         raise InputError(f"{file}: only the transport engine knows the {what} of {name!r}; set "
@@ -176,7 +169,7 @@ def _set_light(node: ET.Element, name: str, light: np.ndarray | Mapping[str, np.
     if not isinstance(light, np.ndarray) and name not in light:
         raise InputError(f"{file}: the light {name!r} has no spectrum; it is given for "
                          f"{', '.join(light)}")
-    emitted = EMITTED.get(node.get("type", ""))
+    emitted = import_scene.EMITTED.get(node.get("type", ""))
     for child in [*shaped, *(child for child in node if child.tag in SPECTRUM_TAGS
                              and child.get("name") == emitted and not sky)]:
         node.remove(child)
@@ -190,18 +183,20 @@ def _set_reflectance(node: ET.Element, values: np.ndarray, range_nm: tuple[float
     """Put a spectrum into a BSDF: coats and metals stay, anything else with a reflectance becomes
     diffuse, whatever its plugin is called.
     """
-    inner = plain_bsdf(node)
+    inner = import_scene.plain_bsdf(node)
     kind = inner.get("type", "")
     names = [child.get("name") for child in inner if child.tag in SPECTRUM_TAGS]
-    if kind in SPECTRAL_FACTOR:
-        for child in [child for child in inner if child.get("name") == SPECTRAL_FACTOR[kind]]:
+    if kind in import_scene.SPECTRAL_FACTOR:
+        for child in [
+                child for child in inner if child.get("name") == import_scene.SPECTRAL_FACTOR[kind]
+        ]:
             inner.remove(child)
-        inner.append(_reflectance(SPECTRAL_FACTOR[kind], values, range_nm))
+        inner.append(_reflectance(import_scene.SPECTRAL_FACTOR[kind], values, range_nm))
         return
     if kind != "diffuse" and "reflectance" not in names:
         raise InputError(f"{file}: the BSDF {node.get('id')!r} is of type {kind!r}, which has no "
                          "reflectance spectrum to be estimated; use diffuse, "
-                         f"{', '.join(SPECTRAL_FACTOR)}")
+                         f"{', '.join(import_scene.SPECTRAL_FACTOR)}")
     for child in list(inner):
         inner.remove(child)
     inner.set("type", "diffuse")

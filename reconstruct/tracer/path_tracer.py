@@ -12,14 +12,8 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.interreflection import product_after
-from spectrabox.reconstruct.scene.light_profile import STEP_DEG, TABLE_DEG
-from spectrabox.reconstruct.tracer.unit_scene import (
-    SKY_MAP_CLASS,
-    UnitScene,
-    bsdf_table,
-    light_table,
-    profile_table,
-)
+from spectrabox.reconstruct.scene.scene_file import STEP_DEG, TABLE_DEG
+from spectrabox.reconstruct.tracer import unit_scene
 
 # random numbers: of pixel and position in it; of light and direction
 BEFORE_BOUNCES, PER_BOUNCE = 3, 4
@@ -59,7 +53,8 @@ class Tracer:
         If a BSDF that reflects light has no material.
     """
 
-    def __init__(self, unit: UnitScene, region: np.ndarray, exponents: np.ndarray) -> None:
+    def __init__(self, unit: unit_scene.UnitScene, region: np.ndarray,
+                 exponents: np.ndarray) -> None:
         import mitsuba as mi
 
         self.scene, self.size, self.bounces = unit.scene, unit.size, unit.bounces
@@ -75,12 +70,14 @@ class Tracer:
         self.pixels_of_region = np.bincount(region[row, column], minlength=self.regions)
         self.pixels = row.size
         self.next_product = mi.UInt32(product_after(exponents).ravel())
-        self.material = mi.UInt32(bsdf_table(unit.scene, unit.material_of_bsdf, unit.materials))
+        self.material = mi.UInt32(
+            unit_scene.bsdf_table(unit.scene, unit.material_of_bsdf, unit.materials))
         self.light = (None if unit.lights is None
-                      else mi.UInt32(light_table(unit.scene, unit.lights)))
-        shaped = bool(unit.profiles) or any(emitter.class_name() == SKY_MAP_CLASS
+                      else mi.UInt32(unit_scene.light_table(unit.scene, unit.lights)))
+        shaped = bool(unit.profiles) or any(emitter.class_name() == unit_scene.SKY_MAP_CLASS
                                             for emitter in unit.scene.emitters())
-        self.profile = mi.Float(profile_table(unit.scene, unit.profiles)) if shaped else None
+        self.profile = mi.Float(unit_scene.profile_table(unit.scene,
+                                                         unit.profiles)) if shaped else None
         self.units: dict[bool, int] = {}
 
     def trace(self, paths: int, seed: int, signals: np.ndarray | None = None) -> np.ndarray:

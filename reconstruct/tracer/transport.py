@@ -14,16 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
+from spectrabox.radiometry import interreflection
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.interreflection import exponents_up_to, product_count, prune
-from spectrabox.radiometry.system.free_memory import free_memory
+from spectrabox.radiometry.system.archives import free_memory
 from spectrabox.reconstruct.rendering.renderer import all_cores
+from spectrabox.reconstruct.tracer import trace_checkpoint
 from spectrabox.reconstruct.tracer.path_tracer import MAX_POINTS, Tracer
-from spectrabox.reconstruct.tracer.trace_checkpoint import (
-    PassSums,
-    TraceCheckpoint,
-    trace_fingerprint,
-)
 from spectrabox.reconstruct.tracer.unit_scene import UnitScene
 
 MAX_BYTES = 2 << 30         # of memory for trace and fit; more is refused before it is allocated
@@ -107,9 +103,12 @@ def trace_transport(unit: UnitScene, region: np.ndarray, *, spp: int, seed: int,
     count, paths = _schedule(spp, passes, tracer.pixels)
     facts = (sorted(unit.material_of_bsdf.items()), unit.size, unit.lights, list(unit.profiles),
              unit.bounces, count, paths, passes, seed)
-    kept = None if checkpoint is None else TraceCheckpoint(checkpoint, trace_fingerprint(
-        unit.scene, facts, (region, exponents, *unit.profiles.values())))
-    sums = (kept and kept.read()) or PassSums(0, (np.zeros(shape, np.float32),) * passes)
+    kept = None if checkpoint is None else trace_checkpoint.TraceCheckpoint(
+        checkpoint,
+        trace_checkpoint.trace_fingerprint(unit.scene, facts,
+                                           (region, exponents, *unit.profiles.values())))
+    sums = (kept and kept.read()) or trace_checkpoint.PassSums(
+        0, (np.zeros(shape, np.float32), ) * passes)
     try:
         with all_cores():
             for number in range(sums.done, count):
@@ -227,8 +226,8 @@ def require_memory(regions: int, products: int, passes: int, materials: int, bou
             "of memory that are free; close other programs, or lower"
         raise InputError(
             f"the light transport of {regions} regions and {products} products of {materials} "
-            f"reflectances ({product_count(materials, bounces)} before pruning) needs "
-            f"{needed / 2**30:.1f} GiB, more than the {most / 2**30:.{most < MAX_BYTES:d}f} GiB "
+            f"reflectances ({interreflection.product_count(materials, bounces)} before pruning) "
+            f"needs {needed / 2**30:.1f} GiB, more than the {most / 2**30:.{most < MAX_BYTES:d}f} GiB "
             f"{whose} [reconstruct] width or the scene's max_depth")
 
 
@@ -262,14 +261,14 @@ def kept_products(unit: UnitScene, region: np.ndarray,
         0 and above where a pixel counts.
     seed : int
     """
-    exponents = exponents_up_to(len(unit.materials), unit.bounces)
+    exponents = interreflection.exponents_up_to(len(unit.materials), unit.bounces)
     if len(exponents) <= PRUNE_ABOVE:
         return exponents, 0.0
     tracer = Tracer(unit, np.where(region >= 0, 0, -1), exponents)
     with all_cores():
         picking, judging = (tracer.trace(PILOT_PATHS, seed + draw).sum(axis=1)
                             for draw in (104729, 130363))
-    kept, _ = prune(exponents, picking, BRIGHTEST, DROPPED)
+    kept, _ = interreflection.prune(exponents, picking, BRIGHTEST, DROPPED)
     bound = judging.sum(axis=0) * BRIGHTEST ** exponents.sum(axis=1)
     return exponents[kept], float(bound[~kept].sum() / bound.sum())
 

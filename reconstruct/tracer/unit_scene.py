@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.reconstruct.scene.light_profile import TABLE_DEG
+from spectrabox.reconstruct.scene.scene_file import TABLE_DEG
 
 # of Mitsuba's emitters: the one whose radiance comes from a picture
 SKY_MAP_CLASS = "EnvironmentMapEmitter"

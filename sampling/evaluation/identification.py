@@ -19,16 +19,10 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import names_a_file
 from spectrabox.radiometry.records.spectra import Quantity, SpectralMeasurement, WavelengthGrid
 from spectrabox.radiometry.shaped import Record
+from spectrabox.radiometry.spectra import spectrum_files
 from spectrabox.radiometry.spectra.formats.measurement_table import distinct
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
-from spectrabox.radiometry.spectra.spectrum_files import (
-    SUFFIXES,
-    on_grid,
-    read_table,
-    spectrum_of,
-    spectrum_on_grid,
-)
-from spectrabox.radiometry.system.known_names import nearest_words
+from spectrabox.radiometry.system.words import nearest_words
 from spectrabox.sampling.prior.libraries import READERS, usable
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 from spectrabox.sampling.prior.mixture_posterior import posterior, with_floor
@@ -183,8 +177,8 @@ def _rows(word: str, grid: WavelengthGrid, refused: list[str]) -> Iterator[Row]:
             suffix = file.suffix.lower()
             header = suffix == ".hdr" and any(file.with_suffix(other).exists()
                                               for other in (".sli", ".slb"))
-            if file.is_file() and not header and suffix in (*SUFFIXES, *ARCHIVES, *TEXTS,
-                                                            ".json"):
+            if file.is_file() and not header and suffix in (*spectrum_files.SUFFIXES, *ARCHIVES,
+                                                            *TEXTS, ".json"):
                 try:
                     yield from _of_file(file, grid, refused)
                 except InputError as error:
@@ -199,20 +193,22 @@ def _of_file(path: Path, grid: WavelengthGrid, refused: list[str]) -> Iterator[R
     if path.suffix.lower() in ARCHIVES:
         yield from _of_archive(path, grid, refused)
         return
-    table = read_table(path)
+    table = spectrum_files.read_table(path)
     columns = [index for index, name in enumerate(table.names)
                if not name.startswith("standard_error") and table.main in (None, name)]
     named = distinct(list(table.names))
     for index in columns:
         try:
-            spectrum = spectrum_of(table, role=Quantity.REFLECTANCE, column=index + 2)
-            values = spectrum_on_grid(spectrum, grid)
+            spectrum = spectrum_files.spectrum_of(table, role=Quantity.REFLECTANCE,
+                                                  column=index + 2)
+            values = spectrum_files.spectrum_on_grid(spectrum, grid)
         except InputError as refusal:
             refused.append(str(refusal))
             continue
         error = np.zeros(grid.nm.size)
         if spectrum.standard_error is not None and np.all(np.isfinite(spectrum.standard_error)):
-            error = on_grid(spectrum.grid.nm, spectrum.standard_error, grid, spectrum.source)
+            error = spectrum_files.on_grid(spectrum.grid.nm, spectrum.standard_error, grid,
+                                           spectrum.source)
         nameless = len(columns) == 1 and named[index].lower() in UNNAMED
         yield (path.stem if nameless else named[index]), values, error
 

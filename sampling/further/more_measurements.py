@@ -14,20 +14,11 @@ from scipy.special import chdtri
 
 from spectrabox.radiometry.covariance import block_diagonal
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records.spectra import (
-    SpectralMeasurement,
-    SpectrumSamples,
-    WavelengthGrid,
-)
+from spectrabox.radiometry.records import spectra
+from spectrabox.sampling import spectral_measurement
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 from spectrabox.sampling.prior.mixture_posterior import with_floor
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
-from spectrabox.sampling.spectral_measurement import (
-    nearest_coefficients,
-    reduced_errors,
-    response_on,
-    without_states,
-)
 
 DOUBT_DRAWS = 400
 
@@ -40,10 +31,11 @@ class MoreMeasurement:
 
     name: str
     readings: tuple[Reading, ...] = ()
-    measurement: SpectralMeasurement | None = None
+    measurement: spectra.SpectralMeasurement | None = None
 
 
-def joined(base: SpectralMeasurement, more: list[MoreMeasurement]) -> SpectralMeasurement:
+def joined(base: spectra.SpectralMeasurement,
+           more: list[MoreMeasurement]) -> spectra.SpectralMeasurement:
     """One measurement of all.
 
     Parameters
@@ -77,7 +69,7 @@ def joined(base: SpectralMeasurement, more: list[MoreMeasurement]) -> SpectralMe
     return whole
 
 
-def check_possible(base: SpectralMeasurement, more: list[MoreMeasurement]) -> None:
+def check_possible(base: spectra.SpectralMeasurement, more: list[MoreMeasurement]) -> None:
     """Raise where no reflectance between 0 and 1 gives all measurements within their errors (chance
     1 in a million).
 
@@ -103,7 +95,7 @@ def check_possible(base: SpectralMeasurement, more: list[MoreMeasurement]) -> No
                      "or leave it out")
 
 
-def doubtful(base: SpectralMeasurement, more: list[MoreMeasurement], prior: LogitMixture,
+def doubtful(base: spectra.SpectralMeasurement, more: list[MoreMeasurement], prior: LogitMixture,
              seed: int) -> list[str]:
     """Sentences on measurements that lie far from what the others and the prior let expect (1 in a
     million).
@@ -134,9 +126,10 @@ def doubtful(base: SpectralMeasurement, more: list[MoreMeasurement], prior: Logi
     return sentences
 
 
-def _possible(base: SpectralMeasurement, more: list[MoreMeasurement]) -> bool:
-    whole = without_states(base)
-    parts = [(response_on(whole, PRIOR_GRID), whole.signal, whole.noise_covariance),
+def _possible(base: spectra.SpectralMeasurement, more: list[MoreMeasurement]) -> bool:
+    whole = spectral_measurement.without_states(base)
+    parts = [(spectral_measurement.response_on(whole,
+                                               PRIOR_GRID), whole.signal, whole.noise_covariance),
              *(measured_rows(base, further) for further in more)]
     rows, targets = [], []
     for part, values, covariance in parts:
@@ -144,11 +137,11 @@ def _possible(base: SpectralMeasurement, more: list[MoreMeasurement]) -> bool:
         rows.append(whiten @ part)
         targets.append(whiten @ values)
     A, y = np.vstack(rows), np.concatenate(targets)
-    misfit = np.sum((A @ nearest_coefficients(A, y) - y)**2)
+    misfit = np.sum((A @ spectral_measurement.nearest_coefficients(A, y) - y)**2)
     return bool(misfit < chdtri(y.size, CONTRADICTION))
 
 
-def measured_rows(base: SpectralMeasurement,
+def measured_rows(base: spectra.SpectralMeasurement,
                   more: MoreMeasurement) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rows (J, 61) on the prior's wavelengths, values (J,) and covariance (J, J) of one more
     measurement.
@@ -160,10 +153,11 @@ def measured_rows(base: SpectralMeasurement,
     more : MoreMeasurement
     """
     if more.measurement is not None:
-        photo = without_states(more.measurement)
-        return response_on(photo, PRIOR_GRID), photo.signal, photo.noise_covariance
+        photo = spectral_measurement.without_states(more.measurement)
+        return spectral_measurement.response_on(photo,
+                                                PRIOR_GRID), photo.signal, photo.noise_covariance
     both, bands = condition(base, list(more.readings)), len(base.signal)
-    return (response_on(both, PRIOR_GRID)[bands:], both.signal[bands:],
+    return (spectral_measurement.response_on(both, PRIOR_GRID)[bands:], both.signal[bands:],
             both.noise_covariance[bands:, bands:])
 
 
@@ -214,7 +208,7 @@ class Reading:
                        np.array([nm - HALF_WIDTH_NM, nm, nm + HALF_WIDTH_NM]),
                        np.array([0.0, 1.0, 0.0]), value, standard_error)
 
-    def row(self, grid: WavelengthGrid) -> np.ndarray:
+    def row(self, grid: spectra.WavelengthGrid) -> np.ndarray:
         """Weights (P,) on a grid, with sum 1."""
         row = np.interp(grid.nm, self.nm, self.weights, left=0, right=0) * grid.weights_nm
         if row.sum() <= 0:
@@ -223,7 +217,8 @@ class Reading:
         return row / row.sum()
 
 
-def condition(measurement: SpectralMeasurement, readings: list[Reading]) -> SpectralMeasurement:
+def condition(measurement: spectra.SpectralMeasurement,
+              readings: list[Reading]) -> spectra.SpectralMeasurement:
     """The measurement with each reading as a further band.
 
     Parameters
@@ -257,7 +252,7 @@ def condition(measurement: SpectralMeasurement, readings: list[Reading]) -> Spec
     return _stacked(measurement, rows, values, np.diag(variances))
 
 
-def same_material(measurements: list[SpectralMeasurement]) -> SpectralMeasurement:
+def same_material(measurements: list[spectra.SpectralMeasurement]) -> spectra.SpectralMeasurement:
     """Several measurements of one material as one: other lights, other cameras, other patches known
     to be the same.
 
@@ -279,7 +274,8 @@ def same_material(measurements: list[SpectralMeasurement]) -> SpectralMeasuremen
     if any(other.grid.nm.shape != measurements[0].grid.nm.shape for other in measurements):
         raise InputError(
             "the measurements are on different wavelengths; put them on one grid first")
-    joined, *others = map(without_states, measurements) if len(measurements) > 1 else measurements
+    joined, *others = map(spectral_measurement.without_states,
+                          measurements) if len(measurements) > 1 else measurements
     for other in others:
         if same_bands(other, joined):
             joined = _averaged(joined, other)
@@ -289,13 +285,14 @@ def same_material(measurements: list[SpectralMeasurement]) -> SpectralMeasuremen
     return joined
 
 
-def same_bands(first: SpectralMeasurement, second: SpectralMeasurement) -> bool:
+def same_bands(first: spectra.SpectralMeasurement, second: spectra.SpectralMeasurement) -> bool:
     """Whether two measurements are by the same camera under the same light."""
     a, b = first.relative_response, second.relative_response
     return a.shape == b.shape and np.allclose(a, b, atol=1e-9)
 
 
-def _averaged(first: SpectralMeasurement, second: SpectralMeasurement) -> SpectralMeasurement:
+def _averaged(first: spectra.SpectralMeasurement,
+              second: spectra.SpectralMeasurement) -> spectra.SpectralMeasurement:
     total = first.noise_covariance + second.noise_covariance
     difference = second.signal - first.signal
     if not total.any():
@@ -310,17 +307,17 @@ def _averaged(first: SpectralMeasurement, second: SpectralMeasurement) -> Spectr
                          f"{np.abs(difference).max():.3g} of white, far beyond their noise; they "
                          "are different materials, or the light on them differs")
     both = np.hstack([np.eye(len(gain)) - gain, gain])
-    _, _, relative = reduced_errors(
+    _, _, relative = spectral_measurement.reduced_errors(
         both, np.tile(np.eye(len(gain)), (2, 1)), np.r_[first.signal, second.signal],
         block_diagonal(first.noise_covariance, second.noise_covariance),
         _of_both(first, second.relative_covariance, len(gain)))
-    return SpectralMeasurement(first.grid, first.relative_response,
+    return spectra.SpectralMeasurement(first.grid, first.relative_response,
                                first.signal + gain @ difference,
                                first.noise_covariance - gain @ first.noise_covariance,
                                relative_covariance=relative)
 
 
-def _of_both(measurement: SpectralMeasurement, relative: np.ndarray | None,
+def _of_both(measurement: spectra.SpectralMeasurement, relative: np.ndarray | None,
              more: int) -> np.ndarray | None:
     """Covariance of what multiplies a measurement and further bands, so many; None for nothing."""
     own, bands = measurement.relative_covariance, len(measurement.signal)
@@ -330,17 +327,18 @@ def _of_both(measurement: SpectralMeasurement, relative: np.ndarray | None,
                           np.zeros((more, more)) if relative is None else relative)
 
 
-def _stacked(measurement: SpectralMeasurement, rows: np.ndarray, values: np.ndarray,
-             covariance: np.ndarray, relative: np.ndarray | None = None) -> SpectralMeasurement:
+def _stacked(measurement: spectra.SpectralMeasurement, rows: np.ndarray, values: np.ndarray,
+             covariance: np.ndarray,
+             relative: np.ndarray | None = None) -> spectra.SpectralMeasurement:
     bands, more = len(measurement.signal), len(values)
     noise = np.zeros((bands + more, bands + more))
     noise[:bands, :bands], noise[bands:, bands:] = measurement.noise_covariance, covariance
     states = measurement.states
-    return SpectralMeasurement(measurement.grid, np.vstack([measurement.relative_response, rows]),
-                               np.r_[measurement.signal, values], noise,
-                               None if states is None else states.through(np.eye(
-                                   bands + more, bands)),
-                               _of_both(measurement, relative, more))
+    return spectra.SpectralMeasurement(
+        measurement.grid, np.vstack([measurement.relative_response,
+                                     rows]), np.r_[measurement.signal, values], noise,
+        None if states is None else states.through(np.eye(bands + more, bands)),
+        _of_both(measurement, relative, more))
 
 
 # ---- light reflected twice -----------------------------------------------------------------------
@@ -359,8 +357,8 @@ def proposals_for(draws: int) -> int:
     return min(PROPOSALS_PER_DRAW * draws, max(MAX_PROPOSALS, draws))
 
 
-def given_reflected_twice(samples: SpectrumSamples, twice: SpectralMeasurement,
-                          draws: int) -> SpectrumSamples:
+def given_reflected_twice(samples: spectra.SpectrumSamples, twice: spectra.SpectralMeasurement,
+                          draws: int) -> spectra.SpectrumSamples:
     """Draws (T, 61) conditioned on the signal (K,) of light reflected twice, relative to white.
 
     Parameters
@@ -376,7 +374,7 @@ def given_reflected_twice(samples: SpectrumSamples, twice: SpectralMeasurement,
     SpectrumSamples
         ``effective_samples`` is that of the weights, at most ``draws``.
     """
-    away = samples.spectra**2 @ response_on(twice, PRIOR_GRID).T - twice.signal
+    away = samples.spectra**2 @ spectral_measurement.response_on(twice, PRIOR_GRID).T - twice.signal
     weights = np.einsum("tk,kl,tl->t", away, np.linalg.inv(with_floor(twice.noise_covariance)),
                         away)
     weights = np.exp(-0.5 * (weights - weights.min()))

@@ -12,16 +12,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from spectrabox.radiometry.bspline import DEGREE, basis_matrix
+from spectrabox.radiometry import grid
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement
+from spectrabox.sampling import spectral_measurement
 from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
-from spectrabox.sampling.spectral_measurement import (
-    CoefficientDraws,
-    MeasurementOperator,
-    spline_operator,
-)
 
 SWEEPS = 20         # of hit-and-run along the residual directions, per draw
 
@@ -41,12 +36,12 @@ def lifting(coarse: int, fine: int) -> np.ndarray:
     InputError
         If the knots do not nest.
     """
-    if fine <= coarse or (fine - DEGREE) % (coarse - DEGREE):
-        nested = [DEGREE + factor * (coarse - DEGREE) for factor in (2, 3, 4)]
+    if fine <= coarse or (fine - grid.DEGREE) % (coarse - grid.DEGREE):
+        nested = [grid.DEGREE + factor * (coarse - grid.DEGREE) for factor in (2, 3, 4)]
         raise InputError(f"{coarse} coefficients cannot be refined to {fine}: the knots do not "
                          f"nest; take {', '.join(map(str, nested))}")
-    return np.linalg.lstsq(basis_matrix(FINE_GRID.nm, fine), basis_matrix(FINE_GRID.nm, coarse),
-                           rcond=None)[0]
+    return np.linalg.lstsq(grid.basis_matrix(grid.FINE_GRID.nm, fine),
+                           grid.basis_matrix(grid.FINE_GRID.nm, coarse), rcond=None)[0]
 
 
 def residual_directions(A_fine: np.ndarray, T: np.ndarray) -> np.ndarray:
@@ -62,15 +57,16 @@ def residual_directions(A_fine: np.ndarray, T: np.ndarray) -> np.ndarray:
     """
     from scipy.linalg import null_space
 
-    basis = basis_matrix(FINE_GRID.nm, len(T))
+    basis = grid.basis_matrix(grid.FINE_GRID.nm, len(T))
     gram = basis.T @ basis
     complement = null_space((gram @ T).T)
     seen = A_fine @ complement
     return complement @ null_space(seen)
 
 
-def sample_refined(measurement: SpectralMeasurement, operator: MeasurementOperator, fine: int,
-                   draws: int, seed: int) -> CoefficientDraws:
+def sample_refined(measurement: SpectralMeasurement,
+                   operator: spectral_measurement.MeasurementOperator, fine: int, draws: int,
+                   seed: int) -> spectral_measurement.CoefficientDraws:
     """Coarse draws of ``operator``, each refined to ``fine`` coefficients by its own residual draw.
 
     Parameters
@@ -89,7 +85,7 @@ def sample_refined(measurement: SpectralMeasurement, operator: MeasurementOperat
         If the knots do not nest.
     """
     T = lifting(operator.A.shape[1], fine)
-    directions = residual_directions(spline_operator(measurement, fine).A, T)
+    directions = residual_directions(spectral_measurement.spline_operator(measurement, fine).A, T)
     coarse = sample_polytope(operator, draws, seed)
     c = np.clip(coarse.coefficients @ T.T, 0, 1)
     rng = np.random.default_rng(seed + 1)
@@ -99,4 +95,5 @@ def sample_refined(measurement: SpectralMeasurement, operator: MeasurementOperat
         at_zero, at_one = -c / moves, (1 - c) / moves
         low, high = np.minimum(at_zero, at_one).max(axis=1), np.maximum(at_zero, at_one).min(axis=1)
         c = np.clip(c + (low + (high - low) * rng.random(draws))[:, None] * moves, 0, 1)
-    return CoefficientDraws(c, coarse.acceptance, float(draws), Outcome.CONVERGED)
+    return spectral_measurement.CoefficientDraws(c, coarse.acceptance, float(draws),
+                                                 Outcome.CONVERGED)

@@ -18,7 +18,7 @@ from typing import Annotated
 
 import numpy as np
 
-from spectrabox.radiometry.errors import CalibrationError, ConvergenceError, InputError
+from spectrabox.radiometry import errors
 from spectrabox.radiometry.shaped import Record
 from spectrabox.sampling.spectral_measurement import MeasurementOperator, check_noise
 
@@ -69,7 +69,7 @@ def max_entropy_tilt(operator: MeasurementOperator) -> Tilt:
                               @ whiten.T)
     h, noisy = theta @ vt, bool(operator.noise_covariance.any())
     if residual > GRADIENT_ATOL or (np.abs(h).max() > EDGE and not noisy):
-        raise ConvergenceError(_no_tilt(operator, is_reachable(operator)))
+        raise errors.ConvergenceError(_no_tilt(operator, is_reachable(operator)))
     _, mean, _ = tilt_moments(h)
     # without noise the means reproduce the signal themselves
     reachable = not noisy or is_reachable(operator)
@@ -135,11 +135,12 @@ def check_operator(operator: MeasurementOperator) -> None:
     for name, values in (("A", operator.A), ("y", operator.y),
                          ("noise_covariance", operator.noise_covariance)):
         if not np.all(np.isfinite(values)):
-            raise InputError(f"{name} of the measurement holds numbers that are not finite; "
+            raise errors.InputError(f"{name} of the measurement holds numbers that are not finite; "
                              "measure or fit that band again, or leave it out")
     if coefficients < bands:
-        raise InputError(f"{bands} bands over-determine {coefficients} coefficients: nothing is "
-                         f"left to sample; use at least {bands} coefficients")
+        raise errors.InputError(
+            f"{bands} bands over-determine {coefficients} coefficients: nothing is "
+            f"left to sample; use at least {bands} coefficients")
     check_noise(operator.noise_covariance)
     null_space(operator)
 
@@ -209,7 +210,7 @@ def null_space(operator: MeasurementOperator) -> np.ndarray:
     rank = np.count_nonzero(singular_values > RANK_RTOL * singular_values[0])
     if rank < singular_values.size:
         weakest = singular_values[-1] / singular_values[0] if rank else 0.0
-        raise CalibrationError(
+        raise errors.CalibrationError(
             f"the {operator.A.shape[0]} camera channels carry only {rank} independent responses "
             f"(smallest / largest singular value {weakest:.1e}); "
             "refit the sensitivities or check that the light covers 400-700 nm")

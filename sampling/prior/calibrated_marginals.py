@@ -27,15 +27,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from spectrabox.radiometry.grid import grid_from_nm, interpolation_matrix
+from spectrabox.sampling.prior import mixture_posterior
 from spectrabox.sampling.prior.level import with_stretch
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, reflectance
-from spectrabox.sampling.prior.mixture_posterior import (
-    LEVEL,
-    MixturePosterior,
-    RelativeErrors,
-    band_factors,
-    seen_by,
-)
 from spectrabox.sampling.summary import READING_ERROR
 
 # of a centre to its signal; it begins near, but where errors multiply
@@ -67,9 +61,9 @@ class _Pairs:
 
 
 def marginal_moments(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
-                     covariance: np.ndarray, mixture: MixturePosterior,
-                     relative: RelativeErrors | None = None
-                     ) -> tuple[MixturePosterior, np.ndarray]:
+                     covariance: np.ndarray, mixture: mixture_posterior.MixturePosterior,
+                     relative: mixture_posterior.RelativeErrors | None = None
+                     ) -> tuple[mixture_posterior.MixturePosterior, np.ndarray]:
     """The mixture of skewed components that draws follow, and the covariance (T, P, P') of their
     reflectances, linearised, between all wavelengths and every third, `COARSE`.
 
@@ -149,8 +143,8 @@ def next_readings_nm(covariance: np.ndarray, standard_deviation: np.ndarray) -> 
     return np.asarray(PRIOR_GRID.nm[np.argmax(reduction, axis=1)])
 
 
-def _skewed(mixture: MixturePosterior, pairs: _Pairs, mean: np.ndarray, variance: np.ndarray,
-            third: np.ndarray) -> MixturePosterior:
+def _skewed(mixture: mixture_posterior.MixturePosterior, pairs: _Pairs, mean: np.ndarray,
+            variance: np.ndarray, third: np.ndarray) -> mixture_posterior.MixturePosterior:
     """The mixture with components of these means, variances and third cumulants (n, P)."""
     skew = np.clip(third / variance**1.5 / 3, -MAX_SKEW, MAX_SKEW)
     skew = np.where(np.abs(skew) < MIN_SKEW, MIN_SKEW, skew)
@@ -166,11 +160,11 @@ def _skewed(mixture: MixturePosterior, pairs: _Pairs, mean: np.ndarray, variance
 
 
 def _pairs(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
-           covariance: np.ndarray, mixture: MixturePosterior,
-           relative: RelativeErrors | None) -> _Pairs:
+           covariance: np.ndarray, mixture: mixture_posterior.MixturePosterior,
+           relative: mixture_posterior.RelativeErrors | None) -> _Pairs:
     signal, component = np.nonzero(mixture.weights)
-    seen, R, floored = seen_by(component, signal, mixture, relative_response, signals, covariance,
-                               relative)
+    seen, R, floored = mixture_posterior.seen_by(component, signal, mixture, relative_response,
+                                                 signals, covariance, relative)
     mode = mixture.logits[component, signal]
     p = reflectance(mode)
     slope = p * (1 - p)
@@ -188,7 +182,7 @@ def _pairs(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarr
     # As `posterior_draws._component` has them.
     shrink = R @ np.linalg.inv(of_signal + R + 1e-12 * np.eye(R.shape[1]))
     wanted = seen - (shrink @ residual[..., None])[..., 0]
-    factor = band_factors(prior, mixture, LEVEL)[signal]
+    factor = mixture_posterior.band_factors(prior, mixture, mixture_posterior.LEVEL)[signal]
     middle = np.einsum("tc,ctp->tp", mixture.weights, mixture.logits)[signal]
     centre = middle + factor * (mode - middle)
     for _ in range(NEWTON_STEPS if relative is None else MORE_STEPS):

@@ -19,13 +19,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.system.archives import (
-    DAMAGE,
-    MAX_UNPACKED,
-    DamagedArchiveError,
-    opened_zip,
-    unpacked,
-)
+from spectrabox.radiometry.system import archives
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
 # a curve may end this far inside 400-700 nm; it is then continued by its end value
@@ -179,10 +173,10 @@ def _read_usgs(path: Path) -> list[Curves]:
         stated = {name: (shape, kind) for name, shape, kind in whosmat(path)}
         shape, kind = stated["datalib"]
         if kind != "double" or len(shape) != 2 or shape[1] < 4 or np.prod(
-                shape, dtype=object) * 8 > MAX_UNPACKED:
+                shape, dtype=object) * 8 > archives.MAX_UNPACKED:
             return []
         library = np.asarray(loadmat(path, variable_names=["datalib"])["datalib"], dtype=float)
-    except (*DAMAGE, MatReadError):
+    except (*archives.DAMAGE, MatReadError):
         return []
     # Columns 0 to 2 are wavelength in micrometres, resolution and channel; -1.23e34 stands for no
     # measurement.
@@ -204,11 +198,11 @@ def _read_r(path: Path) -> list[Curves]:
 
 def _read_zip(path: Path) -> list[Curves]:
     try:
-        with opened_zip(path) as archive:
+        with archives.opened_zip(path) as archive:
             names = sorted(name for name in archive.namelist() if name.lower().endswith(".csv"))
             return [curves for name in names for curves
                     in _parse_csv(archive.read(name).decode("utf-8-sig", errors="replace"))]
-    except DamagedArchiveError as error:
+    except archives.DamagedArchiveError as error:
         raise InputError(f"{path.name} is no zip archive that can be unpacked ({error}); leave it "
                          "out, or unpack it") from None
 
@@ -277,7 +271,7 @@ def read_r_columns(path: Path) -> dict[str, np.ndarray]:
         reader = _Reader(_unpacked(path.read_bytes()))
         top = reader.item()
     except (struct.error, IndexError, ValueError, OSError, RecursionError,
-            DamagedArchiveError) as error:
+            archives.DamagedArchiveError) as error:
         raise InputError(f"{path.name} is no R data file that can be read ({error}); export the "
                          "table as CSV") from None
     columns: dict[str, np.ndarray] = {}
@@ -290,7 +284,7 @@ def read_r_columns(path: Path) -> dict[str, np.ndarray]:
 
 
 def _unpacked(raw: bytes) -> bytes:
-    raw = unpacked(raw)
+    raw = archives.unpacked(raw)
     if raw[:5] not in (b"RDX2\n", b"RDX3\n") or raw[5:7] != b"X\n":
         raise ValueError("it does not begin with RDX2 or RDX3")
     version = int.from_bytes(raw[7:11], "big")

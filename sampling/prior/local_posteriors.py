@@ -21,29 +21,10 @@ import numpy as np
 from scipy.linalg import qr
 
 from spectrabox.radiometry.error_model import Errors
-from spectrabox.sampling.prior.calibrated_marginals import COARSE, MIN_VARIANCE, marginal_moments
+from spectrabox.sampling.prior import calibrated_marginals, mixture_posterior, uplift_table
 from spectrabox.sampling.prior.level import with_stretch
 from spectrabox.sampling.prior.mixture import LogitMixture, logit, reflectance, reflectance_moments
-from spectrabox.sampling.prior.mixture_posterior import (
-    HERMITE_NODES,
-    HERMITE_WEIGHTS,
-    MixturePosterior,
-    allowed_misfit,
-    multiplying,
-    posterior,
-    seen_by,
-    surprise_limit,
-    unsaid,
-    with_floor,
-)
 from spectrabox.sampling.prior.quantiles import stretched
-from spectrabox.sampling.prior.uplift_table import (
-    BATCH,
-    MAX_SIGNAL,
-    TABLE_TOLERANCE,
-    MapParts,
-    Progress,
-)
 
 MAX_CENTRES = 1500          # at 2 to 3 ms each
 NEAR = 0.5                  # logits over all wavelengths: with every signal so near, it is enough
@@ -90,7 +71,7 @@ class LocalPosteriors:
         level : (n,) array or None
             Of errors: 0 where they are smallest, 1 where largest.
         """
-        few = np.clip(signals, 0, MAX_SIGNAL, dtype=np.float32) @ self.gain.T
+        few = np.clip(signals, 0, uplift_table.MAX_SIGNAL, dtype=np.float32) @ self.gain.T
         near = self._nearest(features_of(self.estimate, self.axes, few, level))
         wavelengths = self.mean.shape[2]
         values = np.empty((len(few), wavelengths + self.variance.shape[1] + 1), np.float32)
@@ -107,7 +88,9 @@ class LocalPosteriors:
             apart = weights @ self.apart[own]
             variance = weights @ (self.variance[own] + self.apart[own]**2) - apart**2
             values[rows, :wavelengths] = np.clip(mean, 0, 1)
-            values[rows, wavelengths:-1] = np.sqrt(np.maximum(variance, MIN_VARIANCE))
+            values[rows,
+                   wavelengths:-1] = np.sqrt(np.maximum(variance,
+                                                        calibrated_marginals.MIN_VARIANCE))
             values[rows, -1] = np.maximum((self.surprise[centre] + chi_square.min(axis=1))
                                           / self.limit[centre], self.misfit[centre])
         return values
@@ -133,8 +116,8 @@ class LocalPosteriors:
 
 def local_posteriors(prior: LogitMixture, relative_response: np.ndarray, errors: ErrorsOf,
                      signals: np.ndarray, level: np.ndarray | None, mean: slice,
-                     deviation: slice, progress: Progress = lambda share: None,
-                     map_parts: MapParts = map) -> LocalPosteriors:
+                     deviation: slice, progress: uplift_table.Progress = lambda share: None,
+                     map_parts: uplift_table.MapParts = map) -> LocalPosteriors:
     """Posteriors at centres among some signals; 300 to 500 centres a second.
 
     Parameters
@@ -161,14 +144,16 @@ def local_posteriors(prior: LogitMixture, relative_response: np.ndarray, errors:
     expected, spread = reflectance_moments(prior)
     gain, response = informative_bands(spread, relative_response, grey)
     seen = response @ spread
-    to_spectra = np.linalg.solve(seen @ response.T + with_floor(gain @ grey @ gain.T), seen).T
-    estimate = np.column_stack([expected - to_spectra @ (response @ expected), to_spectra])[COARSE]
-    few = np.clip(signals, 0, MAX_SIGNAL) @ gain.T
+    to_spectra = np.linalg.solve(
+        seen @ response.T + mixture_posterior.with_floor(gain @ grey @ gain.T), seen).T
+    estimate = np.column_stack([expected - to_spectra @ (response @ expected),
+                                to_spectra])[calibrated_marginals.COARSE]
+    few = np.clip(signals, 0, uplift_table.MAX_SIGNAL) @ gain.T
     _, axes = np.linalg.eigh(np.cov(logit(estimate[:, 0] + few @ estimate[:, 1:].T), rowvar=False))
     axes = axes[:, -FEATURES:]
     features = features_of(estimate, axes, few, level)
     chosen = _centres(features)
-    at = np.clip(signals[chosen], 0, MAX_SIGNAL)
+    at = np.clip(signals[chosen], 0, uplift_table.MAX_SIGNAL)
     smallest, *larger = errors(at)
     if larger and level is not None:
         smallest = Errors(*(low + level[chosen, None, None] * (high - low)
@@ -176,13 +161,13 @@ def local_posteriors(prior: LogitMixture, relative_response: np.ndarray, errors:
     own = smallest if len(gain) == len(gain.T) else smallest.of_sums(gain, at)
 
     def part(start: int) -> tuple[np.ndarray, ...]:
-        rows = slice(start, start + BATCH)
+        rows = slice(start, start + uplift_table.BATCH)
         return _around(prior, response, few[chosen[rows]], own.rows(rows), mean, deviation)
 
     parts = []
-    for done in map_parts(part, range(0, chosen.size, BATCH)):
+    for done in map_parts(part, range(0, chosen.size, uplift_table.BATCH)):
         parts.append(done)
-        progress(min(len(parts) * BATCH / chosen.size, 1))
+        progress(min(len(parts) * uplift_table.BATCH / chosen.size, 1))
     counts, *pairs = (np.concatenate(each) for each in zip(*parts, strict=True))
     return LocalPosteriors(np.append(0, np.cumsum(counts)), *(each.astype(np.float32) for each in (
         gain, estimate, axes, features[chosen], few[chosen], *pairs)))
@@ -211,10 +196,11 @@ def _centres(features: np.ndarray) -> np.ndarray:
 def _around(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
             errors: Errors, mean: slice, deviation: slice) -> tuple[np.ndarray, ...]:
     """The number of each centre's pairs, and the arrays of LocalPosteriors from ``log_weight``."""
-    covariance, relative = errors.absolute, multiplying(errors.relative)
-    mixture = posterior(prior, relative_response, signals, covariance, tolerance=TABLE_TOLERANCE,
-                        relative=relative)
-    drawn, _ = marginal_moments(prior, relative_response, signals, covariance, mixture, relative)
+    covariance, relative = errors.absolute, mixture_posterior.multiplying(errors.relative)
+    mixture = mixture_posterior.posterior(prior, relative_response, signals, covariance,
+                                          tolerance=uplift_table.TABLE_TOLERANCE, relative=relative)
+    drawn, _ = calibrated_marginals.marginal_moments(prior, relative_response, signals, covariance,
+                                                     mixture, relative)
     centre, component = np.nonzero(mixture.weights)
     weights, mode = mixture.weights[centre, component], mixture.logits[component, centre]
     p = reflectance(mode)
@@ -228,8 +214,8 @@ def _around(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndar
     base = with_stretch(base, jacobian, with_level, mixture.stretch[centre, component])
     means = prior.means[component] + mixture.shift[centre, component, None] * with_level
     of_signal = base @ jacobian.transpose(0, 2, 1)
-    seen, noise, floored = seen_by(component, centre, mixture, relative_response, signals,
-                                   covariance, relative)
+    seen, noise, floored = mixture_posterior.seen_by(component, centre, mixture, relative_response,
+                                                     signals, covariance, relative)
     residual = seen + (slope * (mode - means) - p) @ relative_response.T
     root = np.linalg.inv(np.linalg.cholesky(of_signal + floored)).transpose(0, 2, 1)
     whitened = np.einsum("nkl,nk->nl", root, residual)
@@ -243,22 +229,24 @@ def _around(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndar
     start = np.flatnonzero(np.diff(centre, prepend=-1))
     whole = np.add.reduceat(weights[:, None] * first, start, axis=0)[centre]
     surprise = mixture.surprise - np.minimum.reduceat(chi_square, start)
-    unlike = np.maximum(mixture.misfit / allowed_misfit(covariance), unsaid(
-        relative_response, whole[start], signals, covariance, relative))
+    unlike = np.maximum(
+        mixture.misfit / mixture_posterior.allowed_misfit(covariance),
+        mixture_posterior.unsaid(relative_response, whole[start], signals, covariance, relative))
     return (np.bincount(centre), np.log(weights) + chi_square / 2, root, whitened,
             np.concatenate([first[:, None], bend[:, None] * change], axis=1)[..., mean],
             (second - first**2)[:, deviation], (first - whole)[:, deviation], surprise, unlike,
-            surprise_limit(prior, len(relative_response), mixture.noise_share))
+            mixture_posterior.surprise_limit(prior, len(relative_response), mixture.noise_share))
 
 
-def _reflectances(drawn: MixturePosterior, component: np.ndarray, centre: np.ndarray
-                  ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _reflectances(drawn: mixture_posterior.MixturePosterior, component: np.ndarray,
+                  centre: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """First and second moments (n, P) of the reflectance of some pairs, and its mean slope."""
     logits, deviations = drawn.logits[component, centre], \
         np.sqrt(drawn.variances[component, centre])
     skews = None if drawn.skews is None else drawn.skews[component, centre]
     first, second = np.zeros_like(logits), np.zeros_like(logits)
-    for node, weight in zip(HERMITE_NODES, HERMITE_WEIGHTS, strict=True):
+    for node, weight in zip(mixture_posterior.HERMITE_NODES, mixture_posterior.HERMITE_WEIGHTS,
+                            strict=True):
         values = reflectance(logits + stretched(node, skews) * deviations)
         first += weight * values
         second += weight * values**2
@@ -270,7 +258,7 @@ def _reflectances(drawn: MixturePosterior, component: np.ndarray, centre: np.nda
 #
 # Surfaces are smooth: 36 bands of an LED lamp differ along some 12 directions by more than a share
 # of the noise. Signals of as many bands, estimated from all, say what all say, and a posterior of
-# them costs a fraction. Unlike measure/surfaces/independent_bands.py this knows how reflectances
+# them costs a fraction. Unlike measure/surfaces/colour_comparison.py this knows how reflectances
 # vary.
 
 VISIBLE = 0.1   # of the noise: a direction along which surfaces differ less says nothing
@@ -294,7 +282,7 @@ def informative_bands(covariance: np.ndarray, relative_response: np.ndarray,
         Covariance of a signal's errors.
     """
     signals = relative_response @ covariance @ relative_response.T
-    whitening = np.linalg.inv(np.linalg.cholesky(with_floor(noise)))
+    whitening = np.linalg.inv(np.linalg.cholesky(mixture_posterior.with_floor(noise)))
     variances, directions = np.linalg.eigh(whitening @ signals @ whitening.T)
     count = int(np.sum(variances > VISIBLE**2))
     if count == len(signals):
@@ -305,7 +293,7 @@ def informative_bands(covariance: np.ndarray, relative_response: np.ndarray,
     chosen = np.sort(order[:count])
     sums = np.linalg.solve(signals[np.ix_(chosen, chosen)], signals[chosen]).T      # (K, r)
     missed = signals - sums @ signals[chosen]
-    weighted = np.linalg.solve(with_floor(noise) + missed, sums)
+    weighted = np.linalg.solve(mixture_posterior.with_floor(noise) + missed, sums)
     gain = np.linalg.solve(sums.T @ weighted, weighted.T)
     response = gain @ relative_response
     white = response.sum(axis=1, keepdims=True)

@@ -22,14 +22,8 @@ import numpy as np
 
 from spectrabox.radiometry.errors import ConvergenceError
 from spectrabox.sampling.polytope.tilted_rejection import noise_columns
+from spectrabox.sampling.prior import mixture_posterior
 from spectrabox.sampling.prior.mixture import LogitMixture, reflectance
-from spectrabox.sampling.prior.mixture_posterior import (
-    LEVEL,
-    MixturePosterior,
-    RelativeErrors,
-    band_factors,
-    seen_by,
-)
 
 SIGNAL_ATOL = 1e-10             # of white
 NEWTON_STEPS = 12
@@ -63,10 +57,10 @@ class _Component:
         return np.asarray(reflectance(logits - noise @ root.T) @ relative_response.T)
 
 
-def draw_reflectances(prior: LogitMixture, mixture: MixturePosterior,
+def draw_reflectances(prior: LogitMixture, mixture: mixture_posterior.MixturePosterior,
                       relative_response: np.ndarray, signal: np.ndarray, noise: np.ndarray,
                       draws: int, seed: int, *, approximate: bool = False,
-                      relative: RelativeErrors | None = None) -> np.ndarray:
+                      relative: mixture_posterior.RelativeErrors | None = None) -> np.ndarray:
     """Reflectances (T, 61) drawn from the posterior of one signal.
 
     Parameters
@@ -92,9 +86,9 @@ def draw_reflectances(prior: LogitMixture, mixture: MixturePosterior,
         If draws do not reach the signal.
     """
     chosen = np.flatnonzero(mixture.weights[0])
-    factor = band_factors(prior, mixture, LEVEL)[0]
-    seen = seen_by(chosen, np.zeros(chosen.size, int), mixture, relative_response, signal[None],
-                   noise[None], relative)
+    factor = mixture_posterior.band_factors(prior, mixture, mixture_posterior.LEVEL)[0]
+    seen = mixture_posterior.seen_by(chosen, np.zeros(chosen.size, int), mixture, relative_response,
+                                     signal[None], noise[None], relative)
     components = [_component(prior, mixture, relative_response, factor, int(index), *each,
                              bent=relative is not None)
                   for index, *each in zip(chosen, *seen, strict=True)]
@@ -122,9 +116,9 @@ def draw_reflectances(prior: LogitMixture, mixture: MixturePosterior,
     return spectra
 
 
-def _component(prior: LogitMixture, mixture: MixturePosterior, relative_response: np.ndarray,
-               factor: np.ndarray, index: int, signal: np.ndarray, R: np.ndarray,
-               floored: np.ndarray, *, bent: bool) -> _Component:
+def _component(prior: LogitMixture, mixture: mixture_posterior.MixturePosterior,
+               relative_response: np.ndarray, factor: np.ndarray, index: int, signal: np.ndarray,
+               R: np.ndarray, floored: np.ndarray, *, bent: bool) -> _Component:
     centre = mixture.logits[index, 0]
     p = reflectance(centre)
     jacobian = relative_response * (p * (1 - p))

@@ -14,40 +14,22 @@ from functools import cached_property
 
 import numpy as np
 
-from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.covariance import symmetric
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding, Severity
-from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, SpectrumSamples
-from spectrabox.radiometry.records.states import StateEstimate
-from spectrabox.sampling.error_budget import error_budgets, shares_by_cause
+from spectrabox.radiometry.grid import basis_matrix
+from spectrabox.radiometry.records.spectra import (
+    Outcome,
+    SpectralMeasurement,
+    SpectrumSamples,
+    StateEstimate,
+)
+from spectrabox.sampling import spectral_measurement
 from spectrabox.sampling.polytope.tilt import is_reachable
-from spectrabox.sampling.prior.calibrated_marginals import BETWEEN, COARSE, marginal_moments
+from spectrabox.sampling.prior import calibrated_marginals, mixture_posterior, state_posteriors
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior, smoothness_prior
-from spectrabox.sampling.prior.mixture_posterior import (
-    MixturePosterior,
-    allowed_misfit,
-    central_band,
-    mean_and_spread,
-    unsaid,
-)
 from spectrabox.sampling.prior.posterior_draws import draw_reflectances
-from spectrabox.sampling.prior.state_posteriors import (
-    StatePosterior,
-    draw_variables,
-    estimate_states,
-    grown_over_states,
-    merged,
-    solve_in_states,
-)
-from spectrabox.sampling.spectral_measurement import (
-    MeasurementOperator,
-    check_draw_count,
-    check_measurement,
-    check_seed,
-    nearest_splines,
-    response_on,
-)
+from spectrabox.sampling.summary import error_budgets, shares_by_cause
 
 MENTIONED = 0.005               # share of a family that the outcome names
 # Of white. A signal that near to that of a perfect white or black, a band of which is there to
@@ -87,10 +69,10 @@ class SignalPosterior:
     measurement: SpectralMeasurement
     relative_response: np.ndarray
     learnt_prior: LogitMixture
-    learnt: tuple[StatePosterior, ...]
+    learnt: tuple[state_posteriors.StatePosterior, ...]
     log_evidence: float
     prior: LogitMixture
-    parts: tuple[StatePosterior, ...]
+    parts: tuple[state_posteriors.StatePosterior, ...]
     outcome: Outcome
 
     @property
@@ -117,24 +99,27 @@ class SignalPosterior:
         """
         if self.measurement.states is None:
             return None
-        return estimate_states(self.prior, self.relative_response, self.measurement,
-                               self.measurement.states, self.parts)
+        return state_posteriors.estimate_states(self.prior, self.relative_response,
+                                                self.measurement, self.measurement.states,
+                                                self.parts)
 
     @cached_property
-    def _moments(self) -> list[tuple[MixturePosterior, np.ndarray]]:
+    def _moments(self) -> list[tuple[mixture_posterior.MixturePosterior, np.ndarray]]:
         """Of each part the mixture that draws follow, and their covariance (1, 61, 21)."""
-        return [marginal_moments(self.prior, part.relative_response, part.signal[None],
-                                 part.noise[None], part.mixture, part.relative)
-                for part in self.parts]
+        return [
+            calibrated_marginals.marginal_moments(self.prior, part.relative_response,
+                                                  part.signal[None], part.noise[None], part.mixture,
+                                                  part.relative) for part in self.parts
+        ]
 
     @cached_property
-    def _marginals(self) -> MixturePosterior:
-        return merged([mixture for mixture, _ in self._moments],
+    def _marginals(self) -> mixture_posterior.MixturePosterior:
+        return state_posteriors.merged([mixture for mixture, _ in self._moments],
                       np.array([[part.share] for part in self.parts]))
 
     @cached_property
     def _mean_and_deviation(self) -> tuple[np.ndarray, np.ndarray]:
-        return mean_and_spread(self._marginals)
+        return mixture_posterior.mean_and_spread(self._marginals)
 
     @property
     def mean(self) -> np.ndarray:
@@ -145,7 +130,7 @@ class SignalPosterior:
         """Whether a mean reflectance (61,) gives the signal within the stated errors, in some
         state.
         """
-        return any(unsaid(part.relative_response, mean[None], part.signal[None],
+        return any(mixture_posterior.unsaid(part.relative_response, mean[None], part.signal[None],
                           part.noise[None], part.relative)[0] <= 1 for part in self.parts)
 
     @property
@@ -158,13 +143,13 @@ class SignalPosterior:
         """Covariance (61, 61) of the reflectance, linearised within each part."""
         total = np.zeros(self._moments[0][1].shape[1:])
         for part, (mixture, within) in zip(self.parts, self._moments, strict=True):
-            off = mean_and_spread(mixture)[0][0] - self.mean
-            total += part.share * (within[0] + np.outer(off, off[COARSE]))
-        return symmetric(total @ BETWEEN.T)
+            off = mixture_posterior.mean_and_spread(mixture)[0][0] - self.mean
+            total += part.share * (within[0] + np.outer(off, off[calibrated_marginals.COARSE]))
+        return symmetric(total @ calibrated_marginals.BETWEEN.T)
 
     def band(self, level: float) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper reflectance (61,) of the calibrated central band of a level, 0 to 1."""
-        lower, upper = central_band(self._marginals, level)
+        lower, upper = mixture_posterior.central_band(self._marginals, level)
         return lower[0], upper[0]
 
     def variances_by_cause(self, causes: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -191,13 +176,14 @@ class SignalPosterior:
         if np.abs(total - noise).max() > 1e-9 + 1e-6 * np.abs(total).max():
             raise InputError("the covariances by cause do not add up to the noise covariance of "
                              "the measurement")
-        mixture = merged([part.mixture for part in self.parts],
+        mixture = state_posteriors.merged([part.mixture for part in self.parts],
                          np.array([[part.share] for part in self.parts]))
         likely = max(self.parts, key=lambda part: part.share)
         seen = likely.signal if likely.relative is None \
             else likely.relative_response @ likely.answer[0]
-        return error_budgets(self.prior, likely.relative_response, seen[None], mixture,
-                             grown_over_states(self.prior, self.parts, self.measurement, causes))
+        return error_budgets(
+            self.prior, likely.relative_response, seen[None], mixture,
+            state_posteriors.grown_over_states(self.prior, self.parts, self.measurement, causes))
 
     def variance_shares(self, causes: Mapping[str, np.ndarray]) -> dict[str, float]:
         """Share of each cause in the mean variance over wavelength; they sum to 1.
@@ -228,8 +214,8 @@ class SignalPosterior:
         InputError, ConvergenceError
             As `draws`.
         """
-        check_draw_count(count)
-        check_seed(seed)
+        spectral_measurement.check_draw_count(count)
+        spectral_measurement.check_seed(seed)
         if self.measurement.states is None:
             return self._draws_in(self.parts[0], count, seed), None
         own, *seeds = np.random.SeedSequence(seed).generate_state(1 + len(self.parts)).tolist()
@@ -239,12 +225,12 @@ class SignalPosterior:
         for part, some, part_seed in zip(self.parts, counts.tolist(), seeds, strict=True):
             if some:
                 spectra.append(self._draws_in(part, some, part_seed))
-                variables.append(draw_variables(self.measurement, part.state,
+                variables.append(state_posteriors.draw_variables(self.measurement, part.state,
                                                 spectra[-1] @ self.relative_response.T, rng))
         order = rng.permutation(count)      # else state after state
         return np.concatenate(spectra)[order], np.concatenate(variables)[order]
 
-    def _draws_in(self, part: StatePosterior, count: int, seed: int) -> np.ndarray:
+    def _draws_in(self, part: state_posteriors.StatePosterior, count: int, seed: int) -> np.ndarray:
         return draw_reflectances(self.prior, part.mixture, part.relative_response,
                                  _inside(part.signal, part.total_noise), part.noise, count, seed,
                                  approximate=self.outcome in APPROXIMATE, relative=part.relative)
@@ -259,7 +245,7 @@ class SignalPosterior:
             As `draws`.
         """
         spectra, variables = self.draws_with_variables(count, seed)
-        splines = nearest_splines(spectra, basis_matrix(
+        splines = spectral_measurement.nearest_splines(spectra, basis_matrix(
             PRIOR_GRID.nm, enough_coefficients(coefficients, self.measurement.signal.size)))
         return SpectrumSamples(PRIOR_GRID, spectra, splines, self.method, float(count), seed,
                                self.outcome, self.findings, variables)
@@ -310,30 +296,32 @@ def solve_posterior(prior: LogitMixture, measurement: SpectralMeasurement) -> Si
         For numbers that are not finite, a covariance that is none, or bands that respond alike;
         with states of the capture, photos may repeat bands.
     """
-    check_measurement(measurement)
-    response = response_on(measurement, PRIOR_GRID)
-    learnt, evidence, novelty = solve_in_states(prior, response, measurement)
+    spectral_measurement.check_measurement(measurement)
+    response = spectral_measurement.response_on(measurement, PRIOR_GRID)
+    learnt, evidence, novelty = state_posteriors.solve_in_states(prior, response, measurement)
     reached = novelty <= 1 or _reached(learnt)
     found = SignalPosterior(measurement, response, prior, learnt, evidence, prior, learnt,
                             Outcome.FAMILIAR if novelty <= 1 else Outcome.UNFAMILIAR)
     if reached and found.says(found.mean):
         return found
     smooth = smoothness_prior()
-    wider, _, _ = solve_in_states(smooth, response, measurement)
+    wider, _, _ = state_posteriors.solve_in_states(smooth, response, measurement)
     widened = replace(found, prior=smooth, parts=wider)
     outcome = Outcome.UNSAID if reached or not widened.says(widened.mean) \
         else Outcome.BEYOND_LEARNT
     if not _reached(wider):
         outcome = Outcome.TOO_ROUGH if any(
-            is_reachable(MeasurementOperator(part.relative_response, part.signal,
-                                             part.total_noise))
+            is_reachable(
+                spectral_measurement.MeasurementOperator(part.relative_response, part.signal,
+                                                         part.total_noise))
             for part in wider) else Outcome.OUT_OF_REACH
     return replace(widened, outcome=outcome)
 
 
-def _reached(parts: tuple[StatePosterior, ...]) -> bool:
+def _reached(parts: tuple[state_posteriors.StatePosterior, ...]) -> bool:
     """Whether spectra of a prior give the signal in some state."""
-    return any(part.mixture.misfit[0] <= allowed_misfit(part.noise) for part in parts)
+    return any(part.mixture.misfit[0] <= mixture_posterior.allowed_misfit(part.noise)
+               for part in parts)
 
 
 def prior_named(outcome: Outcome) -> str:

@@ -18,31 +18,12 @@ from scipy.special import logsumexp, ndtr, softmax
 
 from spectrabox.radiometry.covariance import symmetric_root, with_rank
 from spectrabox.radiometry.error_model import Errors, proportional_covariance
-from spectrabox.radiometry.records.spectra import SpectralMeasurement
-from spectrabox.radiometry.records.states import CaptureStates, StateEstimate
-from spectrabox.sampling.error_budget import about_answer, grown_by_causes
+from spectrabox.radiometry.records import spectra
+from spectrabox.sampling import spectral_measurement
+from spectrabox.sampling.prior import mixture_posterior
 from spectrabox.sampling.prior.calibrated_marginals import marginal_moments
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, reflectance
-from spectrabox.sampling.prior.mixture_posterior import (
-    NEGLIGIBLE,
-    TOLERANCE,
-    MixturePosterior,
-    Pairs,
-    RelativeErrors,
-    linearised,
-    mean_and_spread,
-    multiplying,
-    novelty,
-    posterior,
-    with_floor,
-)
-from spectrabox.sampling.spectral_measurement import (
-    RANK,
-    different_bands,
-    gain_of_different,
-    reduced_errors,
-    response_on,
-)
+from spectrabox.sampling.summary import about_answer, grown_by_causes
 
 # Nats of evidence on the state that are not counted where they come of how usual the spectra are
 # that explain the signal. Of three bands, whatever the gloss, it is within .5 for or against 3 % of
@@ -63,8 +44,9 @@ class StatePosterior:
     relative_response: np.ndarray   # (r, P)
     signal: np.ndarray              # (r,) less what the state adds
     noise: np.ndarray               # (r, r) with what the state adds, less what multiplies
-    mixture: MixturePosterior       # of this one signal
-    relative: RelativeErrors | None = None      # of the one signal; None where no error multiplies
+    mixture: mixture_posterior.MixturePosterior       # of this one signal
+    # of the one signal; None where no error multiplies
+    relative: mixture_posterior.RelativeErrors | None = None
 
     @property
     def answer(self) -> tuple[np.ndarray, np.ndarray]:
@@ -87,18 +69,19 @@ class StatePosterior:
 class ManyInStates:
     """Posteriors of T signals in each of H states of their captures."""
 
-    mixtures: list[MixturePosterior]    # H, of T signals each
+    mixtures: list[mixture_posterior.MixturePosterior]    # H, of T signals each
     signals: np.ndarray                 # (H, T, K) less what each state adds
     noises: np.ndarray                  # (H, T, K, K) with it
     shares: np.ndarray                  # (H, T) posterior probabilities of the states
-    relatives: list[RelativeErrors | None]      # H
+    relatives: list[mixture_posterior.RelativeErrors | None]      # H
 
     def novelty(self, prior: LogitMixture) -> np.ndarray:
         """Novelty (T,) of the signals, in the state that explains each best."""
-        return np.min([novelty(prior, mixture, noise) for mixture, noise
+        return np.min([mixture_posterior.novelty(prior, mixture, noise) for mixture, noise
                        in zip(self.mixtures, self.noises, strict=True)], axis=0)
 
-    def marginals(self, prior: LogitMixture, relative_response: np.ndarray) -> MixturePosterior:
+    def marginals(self, prior: LogitMixture,
+                  relative_response: np.ndarray) -> mixture_posterior.MixturePosterior:
         """The mixtures that draws of the signals follow, over all states."""
         return merged([marginal_moments(prior, relative_response, *each)[0] for each
                        in zip(self.signals, self.noises, self.mixtures, self.relatives,
@@ -106,9 +89,9 @@ class ManyInStates:
 
 
 def posteriors_in_states(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
-                         covariances: np.ndarray, states: CaptureStates | None,
+                         covariances: np.ndarray, states: spectra.CaptureStates | None,
                          start: ManyInStates | None = None, *,
-                         tolerance: float = TOLERANCE,
+                         tolerance: float = mixture_posterior.TOLERANCE,
                          relative: np.ndarray | None = None) -> ManyInStates:
     """Posteriors of T signals in each of H states.
 
@@ -131,19 +114,19 @@ def posteriors_in_states(prior: LogitMixture, relative_response: np.ndarray, sig
     """
     if states is None:
         before = None if start is None else start.mixtures[0]
-        own = multiplying(relative)
-        mixture = posterior(prior, relative_response, signals, covariances, before,
-                            tolerance=tolerance, relative=own)
+        own = mixture_posterior.multiplying(relative)
+        mixture = mixture_posterior.posterior(prior, relative_response, signals, covariances,
+                                              before, tolerance=tolerance, relative=own)
         return ManyInStates([mixture], signals[None], covariances[None],
                             np.ones((1, len(signals))), [own])
     off = signals - states.added[:, None]
     noises = covariances + states.added_covariances[:, None]
-    relatives = [multiplying(relative, *added) for added
+    relatives = [mixture_posterior.multiplying(relative, *added) for added
                  in zip(states.added, states.added_covariances, strict=True)]
-    mixtures: list[MixturePosterior] = []
+    mixtures: list[mixture_posterior.MixturePosterior] = []
     for state, (seen, noise) in enumerate(zip(off, noises, strict=True)):
         before = start.mixtures[state] if start is not None else mixtures[-1] if mixtures else None
-        mixtures.append(posterior(prior, relative_response, seen, noise, before,
+        mixtures.append(mixture_posterior.posterior(prior, relative_response, seen, noise, before,
                                   tolerance=tolerance, relative=relatives[state]))
     shares, _ = state_shares(np.log(states.weights)[:, None],
                              np.array([mixture.log_evidence for mixture in mixtures]))
@@ -165,12 +148,12 @@ def state_shares(beforehand: np.ndarray, evidence: np.ndarray) -> tuple[np.ndarr
     beyond = evidence - (whole - logsumexp(beforehand, axis=0))
     counted = np.sign(beyond) * np.maximum(np.abs(beyond) - USUALNESS, 0)
     shares = softmax(beforehand + counted, axis=0)
-    shares[shares < NEGLIGIBLE] = 0
+    shares[shares < mixture_posterior.NEGLIGIBLE] = 0
     return shares / shares.sum(axis=0), whole
 
 
 def solve_in_states(prior: LogitMixture, relative_response: np.ndarray,
-                    measurement: SpectralMeasurement
+                    measurement: spectra.SpectralMeasurement
                     ) -> tuple[tuple[StatePosterior, ...], float, float]:
     """The posterior of one signal in all states that it allows, its log evidence in nats, and its
     novelty: beyond 1 it is unlike what the prior was learnt from in every state.
@@ -188,12 +171,14 @@ def solve_in_states(prior: LogitMixture, relative_response: np.ndarray,
     signal, noise, states = measurement.signal, measurement.noise_covariance, measurement.states
     if states is None:
         errors = Errors.of_total(noise, signal, measurement.relative_covariance)
-        relative, noise = multiplying(errors.relative[None]), errors.absolute
-        mixture = posterior(prior, relative_response, signal[None], noise, relative=relative)
+        relative, noise = mixture_posterior.multiplying(errors.relative[None]), errors.absolute
+        mixture = mixture_posterior.posterior(prior, relative_response, signal[None], noise,
+                                              relative=relative)
         part = StatePosterior(0, 1.0, np.eye(signal.size), relative_response, signal, noise,
                               mixture, relative)
-        return (part,), float(mixture.log_evidence[0]), float(novelty(prior, mixture, noise)[0])
-    different, repeated = different_bands(relative_response)
+        return (part, ), float(mixture.log_evidence[0]), float(
+            mixture_posterior.novelty(prior, mixture, noise)[0])
+    different, repeated = spectral_measurement.different_bands(relative_response)
     response = relative_response[different]
     parts: list[StatePosterior] = []
     beforehand, evidence = np.log(states.weights), np.zeros(len(states.weights))
@@ -201,21 +186,26 @@ def solve_in_states(prior: LogitMixture, relative_response: np.ndarray,
                                                     strict=True)):
         own = noise + covariance
         gain, of_differences = _different(signal - added, own, repeated)
-        whole, own, shares_of = reduced_errors(gain, repeated, signal, own,
+        whole, own, shares_of = spectral_measurement.reduced_errors(gain, repeated, signal, own,
                                                measurement.relative_covariance)
         errors = Errors.of_total(own, whole, shares_of)
-        relative = multiplying(errors.relative[None], gain @ added, gain @ covariance @ gain.T)
+        relative = mixture_posterior.multiplying(errors.relative[None], gain @ added,
+                                                 gain @ covariance @ gain.T)
         seen = gain @ (signal - added)
-        mixture = posterior(prior, response, seen[None], errors.absolute,
+        mixture = mixture_posterior.posterior(prior, response, seen[None], errors.absolute,
                             parts[-1].mixture if parts else None, relative=relative)
         beforehand[state] += of_differences
         evidence[state] = mixture.log_evidence[0]
         parts.append(StatePosterior(state, 0.0, gain, response, seen, errors.absolute, mixture,
                                     relative))
     shares, log_evidence = state_shares(beforehand[:, None], evidence[:, None])
-    return (tuple(replace(part, share=float(share)) for part, share
-                  in zip(parts, shares[:, 0], strict=True) if share > 0), float(log_evidence[0]),
-            float(min(novelty(prior, part.mixture, part.noise)[0] for part in parts)))
+    return (tuple(
+        replace(part, share=float(share)) for part, share in zip(parts, shares[:, 0], strict=True)
+        if share > 0), float(log_evidence[0]),
+            float(
+                min(
+                    mixture_posterior.novelty(prior, part.mixture, part.noise)[0]
+                    for part in parts)))
 
 
 def _different(signal: np.ndarray, noise: np.ndarray,
@@ -227,13 +217,15 @@ def _different(signal: np.ndarray, noise: np.ndarray,
     if bands == count:
         return np.eye(bands), 0.0
     contrasts = np.linalg.svd(repeated.T)[2][count:]            # (K - r, K), of no different bands
-    spread, off = contrasts @ with_rank(noise, RANK) @ contrasts.T, contrasts @ signal
-    return gain_of_different(noise, repeated), float(
+    spread, off = contrasts @ with_rank(noise,
+                                        spectral_measurement.RANK) @ contrasts.T, contrasts @ signal
+    return spectral_measurement.gain_of_different(noise, repeated), float(
         -(off @ np.linalg.solve(spread, off) + np.linalg.slogdet(spread)[1]
           + off.size * np.log(2 * np.pi)) / 2)
 
 
-def merged(mixtures: Sequence[MixturePosterior], shares: np.ndarray) -> MixturePosterior:
+def merged(mixtures: Sequence[mixture_posterior.MixturePosterior],
+           shares: np.ndarray) -> mixture_posterior.MixturePosterior:
     """One mixture (T signals) of the components of all, each mixture by its shares (H, T).
 
     Parameters
@@ -245,7 +237,7 @@ def merged(mixtures: Sequence[MixturePosterior], shares: np.ndarray) -> MixtureP
         return mixtures[0]
     skews = [mixture.skews for mixture in mixtures if mixture.skews is not None]
     log_errors = [mixture.log_errors for mixture in mixtures if mixture.log_errors is not None]
-    return MixturePosterior(
+    return mixture_posterior.MixturePosterior(
         np.hstack([share[:, None] * mixture.weights
                    for share, mixture in zip(shares, mixtures, strict=True)]),
         np.concatenate([mixture.logits for mixture in mixtures]),
@@ -264,7 +256,7 @@ def merged(mixtures: Sequence[MixturePosterior], shares: np.ndarray) -> MixtureP
 
 
 def grown_over_states(prior: LogitMixture, parts: Sequence[StatePosterior],
-                      measurement: SpectralMeasurement,
+                      measurement: spectra.SpectralMeasurement,
                       causes: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """What errors add to the variance (1, P) of the reflectance by cause: within the states, and by
     what differs between them.
@@ -280,12 +272,12 @@ def grown_over_states(prior: LogitMixture, parts: Sequence[StatePosterior],
     """
     grown: dict[str, np.ndarray] = {}
     states = measurement.states
-    _, repeated = different_bands(measurement.relative_response)
+    _, repeated = spectral_measurement.different_bands(measurement.relative_response)
     for part in parts:
         own = dict(causes)
         if part.relative is not None:
             answer, log_errors = part.answer
-            given = response_on(measurement, PRIOR_GRID) @ answer
+            given = spectral_measurement.response_on(measurement, PRIOR_GRID) @ answer
             if states is not None:
                 given, log_errors = given + states.added[part.state], repeated @ log_errors
             own = {name: covariance[0] for name, covariance in about_answer(
@@ -304,7 +296,7 @@ def grown_over_states(prior: LogitMixture, parts: Sequence[StatePosterior],
     if states is None or len(parts) == 1:
         return grown
     share = np.array([part.share for part in parts])
-    means = np.array([mean_and_spread(part.mixture)[0][0] for part in parts])
+    means = np.array([mixture_posterior.mean_and_spread(part.mixture)[0][0] for part in parts])
     between = share @ (means - share @ means)**2
     added = {cause: states.means[[part.state for part in parts]] @ states.of_cause(cause).T
              for cause in dict.fromkeys(states.causes)}         # (H, K)
@@ -320,8 +312,8 @@ def grown_over_states(prior: LogitMixture, parts: Sequence[StatePosterior],
 # ---- what a signal says of the variables ---------------------------------------------------------
 
 def estimate_states(prior: LogitMixture, relative_response: np.ndarray,
-                    measurement: SpectralMeasurement, states: CaptureStates,
-                    parts: Sequence[StatePosterior]) -> StateEstimate:
+                    measurement: spectra.SpectralMeasurement, states: spectra.CaptureStates,
+                    parts: Sequence[StatePosterior]) -> spectra.StateEstimate:
     """Mean and standard deviation of the variables, and the probability of each kind of state.
 
     Parameters
@@ -348,11 +340,12 @@ def estimate_states(prior: LogitMixture, relative_response: np.ndarray,
     shares = dict.fromkeys(states.kinds, 0.0)
     for part in parts:
         shares[states.kinds[part.state]] += part.share
-    return StateEstimate(states.names, first, np.sqrt(np.maximum(second - first**2, 0)), shares)
+    return spectra.StateEstimate(states.names, first, np.sqrt(np.maximum(second - first**2, 0)),
+                                 shares)
 
 
 def _given_components(prior: LogitMixture, relative_response: np.ndarray,
-                      measurement: SpectralMeasurement, states: CaptureStates,
+                      measurement: spectra.SpectralMeasurement, states: spectra.CaptureStates,
                       part: StatePosterior, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mean and standard deviation (c, V) of the variables under each chosen component, linearised
     at its mode.
@@ -360,18 +353,18 @@ def _given_components(prior: LogitMixture, relative_response: np.ndarray,
     count, state = chosen.size, part.state
     errors = Errors.of_total(measurement.noise_covariance, measurement.signal,
                              measurement.relative_covariance)
-    noise = with_floor(errors.absolute + states.added_covariances[state])
-    relative = multiplying(np.repeat(errors.relative[None], count, axis=0), states.added[state],
-                           states.added_covariances[state])
+    noise = mixture_posterior.with_floor(errors.absolute + states.added_covariances[state])
+    relative = mixture_posterior.multiplying(np.repeat(errors.relative[None], count, axis=0),
+                                             states.added[state], states.added_covariances[state])
     log_errors = part.mixture.log_errors
     if log_errors is not None:
-        _, repeated = different_bands(relative_response)
+        _, repeated = spectral_measurement.different_bands(relative_response)
         log_errors = log_errors[chosen, 0] @ repeated.T
-    pairs = Pairs((slice(None), 0), chosen, relative_response,
+    pairs = mixture_posterior.Pairs((slice(None), 0), chosen, relative_response,
                   np.repeat((measurement.signal - states.added[state])[None], count, axis=0),
                   np.repeat(noise[None], count, axis=0), part.mixture.logits[chosen, 0], relative,
                   log_errors)
-    here = linearised(prior, pairs, np.arange(count))
+    here = mixture_posterior.linearised(prior, pairs, np.arange(count))
     added = states.pattern @ states.covariances[state]          # (K, V) with the signal
     gain = np.linalg.solve(here.Q, np.broadcast_to(added, (count, *added.shape)))
     means = states.means[state] + np.einsum("ckv,ck->cv", gain, here.residual)
@@ -392,7 +385,7 @@ def _not_less(mean: np.ndarray, deviation: np.ndarray,
             np.where(certain, 0.0, spread))
 
 
-def draw_variables(measurement: SpectralMeasurement, state: int, given: np.ndarray,
+def draw_variables(measurement: spectra.SpectralMeasurement, state: int, given: np.ndarray,
                    rng: np.random.Generator) -> np.ndarray:
     """Variables (T, V) that go with spectra drawn in one state, none less than it can be.
 
@@ -414,7 +407,7 @@ def draw_variables(measurement: SpectralMeasurement, state: int, given: np.ndarr
             given.mean(axis=0) + states.added[state], errors.relative)
     covariance = states.covariances[state]
     gain = covariance @ states.pattern.T @ np.linalg.pinv(
-        noise + states.added_covariances[state], rcond=RANK, hermitian=True)
+        noise + states.added_covariances[state], rcond=spectral_measurement.RANK, hermitian=True)
     means = states.means[state] + (left - states.added[state]) @ gain.T
     root = symmetric_root(covariance - gain @ states.pattern @ covariance)
     variables = means + rng.standard_normal(means.shape) @ root

@@ -13,25 +13,16 @@ import numpy as np
 
 from spectrabox.radiometry.error_model import split_errors
 from spectrabox.radiometry.records.spectra import Outcome
-from spectrabox.sampling.error_budget import (
+from spectrabox.sampling.prior import mixture_posterior
+from spectrabox.sampling.prior.calibrated_marginals import marginal_moments, next_readings_nm
+from spectrabox.sampling.prior.mixture import LogitMixture, reflectance, smoothness_prior
+from spectrabox.sampling.spectral_measurement import check_bands
+from spectrabox.sampling.summary import (
     about_answer,
     error_budgets,
     grown_by_causes,
     shares_by_cause,
 )
-from spectrabox.sampling.prior.calibrated_marginals import marginal_moments, next_readings_nm
-from spectrabox.sampling.prior.mixture import LogitMixture, reflectance, smoothness_prior
-from spectrabox.sampling.prior.mixture_posterior import (
-    MixturePosterior,
-    allowed_misfit,
-    central_band,
-    mean_and_spread,
-    multiplying,
-    novelty,
-    posterior,
-    unsaid,
-)
-from spectrabox.sampling.spectral_measurement import check_bands
 
 BATCH = 250         # signals: those of one batch are carried with as many components as any needs
 
@@ -86,40 +77,44 @@ def summaries(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
 def _batch(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
            causes: dict[str, np.ndarray], level: float) -> PriorSummaries:
     errors = split_errors(signals, causes)
-    relative = multiplying(errors.relative)
-    mixture = posterior(prior, relative_response, signals, errors.absolute, relative=relative)
-    allowed = allowed_misfit(errors.absolute)
+    relative = mixture_posterior.multiplying(errors.relative)
+    mixture = mixture_posterior.posterior(prior, relative_response, signals, errors.absolute,
+                                          relative=relative)
+    allowed = mixture_posterior.allowed_misfit(errors.absolute)
     summary = _of_mixture(prior, relative_response, signals, causes, mixture, level)
-    summary.outcome[novelty(prior, mixture, errors.absolute) > 1] = Outcome.UNFAMILIAR
+    summary.outcome[mixture_posterior.novelty(prior, mixture, errors.absolute) >
+                    1] = Outcome.UNFAMILIAR
     beyond = mixture.misfit > allowed
-    doubtful = unsaid(relative_response, summary.mean, signals, errors.absolute, relative) > 1
+    doubtful = mixture_posterior.unsaid(relative_response, summary.mean, signals, errors.absolute,
+                                        relative) > 1
     some = np.flatnonzero(beyond | doubtful)
     if not some.size:
         return summary
     summary.outcome[doubtful] = Outcome.UNSAID
     summary.outcome[beyond] = Outcome.BEYOND_LEARNT
     smooth = smoothness_prior()
-    wider = posterior(smooth, relative_response, signals[some], errors.absolute[some],
-                      relative=None if relative is None else relative.rows(some))
+    wider = mixture_posterior.posterior(smooth, relative_response, signals[some],
+                                        errors.absolute[some],
+                                        relative=None if relative is None else relative.rows(some))
     wider_summary = _of_mixture(smooth, relative_response, signals[some], {
         name: covariance[some] for name, covariance in causes.items()}, wider, level)
     for name in ("mean", "standard_deviation", "lower", "upper", "next_measurement_nm", "budget"):
         getattr(summary, name)[some] = getattr(wider_summary, name)
-    summary.outcome[unsaid(relative_response, summary.mean, signals, errors.absolute,
-                           relative) > 1] = Outcome.UNSAID
+    summary.outcome[mixture_posterior.unsaid(relative_response, summary.mean, signals,
+                                             errors.absolute, relative) > 1] = Outcome.UNSAID
     summary.outcome[some[wider.misfit > allowed[some]]] = Outcome.TOO_ROUGH
     return summary
 
 
 def _of_mixture(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
-                causes: dict[str, np.ndarray], mixture: MixturePosterior,
+                causes: dict[str, np.ndarray], mixture: mixture_posterior.MixturePosterior,
                 level: float) -> PriorSummaries:
     errors = split_errors(signals, causes)
-    relative = multiplying(errors.relative)
+    relative = mixture_posterior.multiplying(errors.relative)
     drawn, covariance = marginal_moments(prior, relative_response, signals, errors.absolute,
                                          mixture, relative)
-    mean, spread = mean_and_spread(drawn)
-    lower, upper = central_band(drawn, level)
+    mean, spread = mixture_posterior.mean_and_spread(drawn)
+    lower, upper = mixture_posterior.central_band(drawn, level)
     seen = signals
     if relative is not None and mixture.log_errors is not None:
         likely, rows = np.argmax(mixture.weights, axis=1), np.arange(len(signals))

@@ -18,16 +18,9 @@ from scipy.sparse import csr_array
 
 from spectrabox.radiometry.error_model import Errors
 from spectrabox.radiometry.errors import InputError
+from spectrabox.sampling.prior import mixture_posterior
 from spectrabox.sampling.prior.calibrated_marginals import marginal_moments
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
-from spectrabox.sampling.prior.mixture_posterior import (
-    TOLERANCE,
-    mean_and_spread,
-    multiplying,
-    novelty,
-    posterior,
-    unsaid,
-)
 
 SIDE = 25                   # odd, so that grey is on the lattice
 MIN_ROOT = 0.12  # cube root of the darkest middle band; darker signals are taken for as dark
@@ -129,7 +122,7 @@ def relative_errors(signals: np.ndarray, noise: float) -> Errors:
 
 
 def uplift_signals(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
-                   errors: Errors, *, tolerance: float = TOLERANCE) -> Uplifted:
+                   errors: Errors, *, tolerance: float = mixture_posterior.TOLERANCE) -> Uplifted:
     """Mean and standard deviation behind signals with errors of their own, each by itself.
 
     They are those of calibrated draws: as wide as the 95 % band, not as the bare mixture.
@@ -160,14 +153,17 @@ def _uplifted(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
     def compute(start: int) -> int:
         rows, mixture = slice(start, start + BATCH), None
         for uplifted, own in zip(every, errors, strict=True):
-            noise, relative = own.absolute[rows], multiplying(own.relative[rows])
-            mixture = posterior(prior, relative_response, signals[rows], noise, mixture,
-                                tolerance=tolerance, relative=relative)
+            noise, relative = own.absolute[rows], mixture_posterior.multiplying(own.relative[rows])
+            mixture = mixture_posterior.posterior(prior, relative_response, signals[rows], noise,
+                                                  mixture, tolerance=tolerance, relative=relative)
             drawn, _ = marginal_moments(prior, relative_response, signals[rows], noise, mixture,
                                         relative)
-            uplifted.mean[rows], uplifted.standard_deviation[rows] = mean_and_spread(drawn)
-            uplifted.novelty[rows] = np.maximum(novelty(prior, mixture, noise), unsaid(
-                relative_response, uplifted.mean[rows], signals[rows], noise, relative))
+            uplifted.mean[rows], uplifted.standard_deviation[
+                rows] = mixture_posterior.mean_and_spread(drawn)
+            uplifted.novelty[rows] = np.maximum(
+                mixture_posterior.novelty(prior, mixture, noise),
+                mixture_posterior.unsaid(relative_response, uplifted.mean[rows], signals[rows],
+                                         noise, relative))
         return start
 
     for start in map_parts(compute, range(0, len(signals), BATCH)):

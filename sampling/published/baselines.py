@@ -1,26 +1,37 @@
-"""Other ways to a spectrum from the same signal, to compare with: single guesses, and a greedy
+"""Other ways to a spectrum from the same signal, to compare with: single guesses, and the paper's
+ranking and refinement.
+
+Other ways to a spectrum from the same signal, to compare with: single guesses, and a greedy
 sampler.
 
 The single guesses (colour-science) take tristimulus values. A camera's signal is turned into them
 by the least-squares matrix over the test reflectances, which is what a raw converter does; for the
 CIE observer itself nothing is lost.
 """
+
+
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
-from spectrabox.radiometry.colour_science import METHODS, observer_response, upsampled
+from spectrabox.radiometry import colour_science
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records.spectra import SpectralMeasurement
+from spectrabox.radiometry.grid import basis_matrix
+from spectrabox.radiometry.records import spectra
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
+from spectrabox.sampling import spectral_measurement
+from spectrabox.sampling.further.more_measurements import MoreMeasurement, measured_rows
+from spectrabox.sampling.polytope.refinement import lifting, residual_directions
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
-from spectrabox.sampling.spectral_measurement import MeasurementOperator, response_on
+from spectrabox.sampling.published.per_axis_box import draw_in_box
 
 ATTEMPTS = 20_000
 
 
-def baseline_spectra(measurement: SpectralMeasurement,
-                     methods: tuple[str, ...] = METHODS) -> dict[str, np.ndarray]:
+def baseline_spectra(measurement: spectra.SpectralMeasurement,
+                     methods: tuple[str, ...] = colour_science.METHODS) -> dict[str, np.ndarray]:
     """Spectrum (61,) of every method for one signal.
 
     Parameters
@@ -34,8 +45,9 @@ def baseline_spectra(measurement: SpectralMeasurement,
     InputError
         If the signal has fewer than three bands.
     """
-    xyz = to_tristimulus(response_on(measurement, PRIOR_GRID), measurement.signal[None])[0]
-    return {method: upsampled(xyz, PRIOR_GRID, method) for method in methods}
+    xyz = to_tristimulus(spectral_measurement.response_on(measurement, PRIOR_GRID),
+                         measurement.signal[None])[0]
+    return {method: colour_science.upsampled(xyz, PRIOR_GRID, method) for method in methods}
 
 
 def to_tristimulus(relative_response: np.ndarray, signals: np.ndarray) -> np.ndarray:
@@ -59,12 +71,13 @@ def to_tristimulus(relative_response: np.ndarray, signals: np.ndarray) -> np.nda
                          "or more")
     known = np.concatenate([*test_reflectances(PRIOR_GRID).values(),
                             np.ones((1000, PRIOR_GRID.nm.size))])
-    matrix = np.linalg.lstsq(known @ relative_response.T, known @ observer_response(PRIOR_GRID).T,
-                             rcond=None)[0]
+    matrix = np.linalg.lstsq(known @ relative_response.T,
+                             known @ colour_science.observer_response(PRIOR_GRID).T, rcond=None)[0]
     return np.clip(signals @ matrix, 0, None)
 
 
-def greedy_draws(operator: MeasurementOperator, draws: int, seed: int) -> tuple[np.ndarray, float]:
+def greedy_draws(operator: spectral_measurement.MeasurementOperator, draws: int,
+                 seed: int) -> tuple[np.ndarray, float]:
     """Draws (<= T, N) in the manner of Belcour et al. (2023) and the share of attempts that gave
     one.
 
@@ -103,3 +116,110 @@ def greedy_draws(operator: MeasurementOperator, draws: int, seed: int) -> tuple[
     c[:, solved] = np.linalg.solve(operator.A[:, solved], remaining.T).T
     kept = c[np.all((c >= 0) & (c <= 1), axis=1)]
     return kept[:draws], len(kept) / ATTEMPTS
+
+
+# ---- what the paper does with more measurements and more coefficients, for comparison ------------
+
+
+def ranked(samples: spectra.SpectrumSamples, base: spectra.SpectralMeasurement,
+           more: list[MoreMeasurement], twice: np.ndarray | None,
+           keep: int) -> spectra.SpectrumSamples:
+    """The ``keep`` draws nearest to all further measurements (Eq. 9) and to light reflected twice
+    (Eq. 10).
+
+    Parameters
+    ----------
+    samples : SpectrumSamples
+        T draws.
+    base : SpectralMeasurement
+        What the photo says of the surface.
+    more : list of MoreMeasurement
+        Further measurements of the same surface.
+    twice : (K,) array, optional
+        Signal of light reflected twice.
+    keep : int
+        How many.
+
+    Raises
+    ------
+    InputError
+        If there is nothing to rank by, or fewer draws than are to be kept.
+    """
+    seen, measured = [], []
+    for further in more:
+        rows, values, _ = measured_rows(base, further)
+        seen.append(samples.spectra @ rows.T)
+        measured.append(values)
+    if twice is not None:
+        seen.append(samples.spectra**2 @ spectral_measurement.response_on(base, PRIOR_GRID).T)
+        measured.append(twice)
+    if not seen:
+        raise InputError("--best ranks draws by further measurements; give some, or leave it out")
+    kept = best_by_signals(np.hstack(seen), np.concatenate(measured), keep)
+    return replace(samples, spectra=samples.spectra[kept], coefficients=samples.coefficients[kept],
+                   effective_samples=float(keep),
+                   method=f"{samples.method}, best {keep} of {len(samples.spectra)}",
+                   outcome=spectra.Outcome.RANKED,
+                   findings=(*samples.findings, spectra.Outcome.RANKED.finding()))
+
+
+def best_by_signals(signals: np.ndarray, measured: np.ndarray, keep: int) -> np.ndarray:
+    """Indices (keep,) of the draws whose signals (T, ...) come nearest to the measured ones (Eqs.
+    9, 10).
+
+    Ranking keeps the best of the draws however badly they fit; `conditioning` makes every draw fit.
+
+    Parameters
+    ----------
+    signals : (T, ...) array
+        Of the draws.
+    measured : (...) array
+    keep : int
+        How many.
+
+    Raises
+    ------
+    InputError
+        If fewer than one or more than all are to be kept.
+    """
+    loss = np.sum((signals - measured).reshape(len(signals), -1)**2, axis=1)
+    if not 1 <= keep <= loss.size:
+        raise InputError(f"the best {keep} of {loss.size} draws were asked for; ask for 1 to "
+                         f"{loss.size}")
+    return np.argsort(loss, kind="stable")[:keep]
+
+
+def refined_as_published(measurement: spectra.SpectralMeasurement, coarse: int, fine: int,
+                         draws: int, seed: int) -> spectral_measurement.CoefficientDraws:
+    """Draws around one lifted solution in the box of the residual directions (Eqs. 11-16 read
+    literally).
+
+    Parameters
+    ----------
+    measurement : SpectralMeasurement
+    coarse : int
+        Number of coefficients.
+    fine : int
+        Larger number, whose knots contain the coarse ones.
+    draws : int
+        T, at least 1.
+    seed : int
+        Of the random generator; the same seed gives the same draws bit for bit.
+
+    Raises
+    ------
+    InputError
+        If the knots do not nest, or nothing is left to draw along.
+    """
+    operator = spectral_measurement.spline_operator(measurement, coarse)
+    solution = spectral_measurement.nearest_coefficients(operator.A, operator.y)
+    T = lifting(coarse, fine)
+    start = np.clip(T @ solution, 0, 1)
+    fine_basis = basis_matrix(measurement.grid.nm, fine)
+    directions = residual_directions(measurement.relative_response @ fine_basis, T)
+    if not directions.shape[1]:
+        raise InputError(f"refining {coarse} coefficients to {fine} leaves no direction that the "
+                         "camera does not see; refine to more")
+    coefficients, acceptance = draw_in_box(start, directions, draws, seed)
+    return spectral_measurement.CoefficientDraws(coefficients, acceptance, float(draws),
+                                                 spectra.Outcome.CONVERGED)

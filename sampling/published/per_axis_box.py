@@ -21,27 +21,20 @@ from __future__ import annotations
 import numpy as np
 
 from spectrabox.radiometry.errors import ConvergenceError, InputError
-from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, SpectrumSamples
+from spectrabox.radiometry.records import spectra
+from spectrabox.sampling import spectral_measurement
 from spectrabox.sampling.polytope.tilt import check_operator, null_space
 from spectrabox.sampling.polytope.tilted_rejection import collect
 from spectrabox.sampling.prior.mixture import LogitMixture
-from spectrabox.sampling.spectral_measurement import (
-    CoefficientDraws,
-    MeasurementOperator,
-    check_draw_count,
-    check_measurement,
-    nearest_coefficients,
-    spline_operator,
-)
 from spectrabox.sampling.uniform import as_spectra
 
 METHOD = "per-axis box as published (under-states the spread)"
 BOX_ATOL = 1e-9  # bounded least squares returns coefficients this far outside [0, 1]
 
 
-def sample_published(measurement: SpectralMeasurement, draws: int, seed: int, coefficients: int,
-                     prior: LogitMixture | None = None, *,
-                     unbounded_start: bool = False) -> SpectrumSamples:
+def sample_published(measurement: spectra.SpectralMeasurement, draws: int, seed: int,
+                     coefficients: int, prior: LogitMixture | None = None, *,
+                     unbounded_start: bool = False) -> spectra.SpectrumSamples:
     """Draws as published (Sec. 3.2); see `sampling.draw_methods.draw_spectra`.
 
     ``prior`` is not used. The start is bounded least squares or, with ``unbounded_start`` and as
@@ -65,9 +58,9 @@ def sample_published(measurement: SpectralMeasurement, draws: int, seed: int, co
     ConvergenceError
         If the unbounded start leaves [0, 1].
     """
-    check_measurement(measurement)
-    check_draw_count(draws)
-    operator = spline_operator(measurement, coefficients)
+    spectral_measurement.check_measurement(measurement)
+    spectral_measurement.check_draw_count(draws)
+    operator = spectral_measurement.spline_operator(measurement, coefficients)
     check_operator(operator)
     if unbounded_start:
         start = np.linalg.lstsq(operator.A, operator.y, rcond=None)[0]
@@ -77,15 +70,15 @@ def sample_published(measurement: SpectralMeasurement, draws: int, seed: int, co
                 f"{start.max():.3g}, outside 0 to 1, where the published sampler has no draws; "
                 "use the bounded start")
     else:
-        start = nearest_coefficients(operator.A, operator.y)
+        start = spectral_measurement.nearest_coefficients(operator.A, operator.y)
     box = sample_per_axis(operator, start, draws, seed)
-    ended = () if box.outcome is Outcome.CONVERGED else (box.outcome.finding(),)
-    return as_spectra(box, METHOD, seed, Outcome.AS_PUBLISHED, Outcome.AS_PUBLISHED.finding(),
-                      *ended)
+    ended = () if box.outcome is spectra.Outcome.CONVERGED else (box.outcome.finding(),)
+    return as_spectra(box, METHOD, seed, spectra.Outcome.AS_PUBLISHED,
+                      spectra.Outcome.AS_PUBLISHED.finding(), *ended)
 
 
-def sample_per_axis(operator: MeasurementOperator, c0: np.ndarray, draws: int,
-                    seed: int) -> CoefficientDraws:
+def sample_per_axis(operator: spectral_measurement.MeasurementOperator, c0: np.ndarray, draws: int,
+                    seed: int) -> spectral_measurement.CoefficientDraws:
     """Draw coefficients as published, around ``c0`` (N,), until ``draws`` are kept.
 
     The draws reproduce ``A c0``; the noise of the signal is not used. The outcome is
@@ -124,8 +117,8 @@ def sample_per_axis(operator: MeasurementOperator, c0: np.ndarray, draws: int,
     # 1e-6 of white: the accuracy to which a least-squares start reproduces a signal that is within
     # reach.
     fits = np.allclose(operator.A @ start, operator.y, rtol=0, atol=1e-6)
-    return CoefficientDraws(coefficients, acceptance, float(draws),
-                            Outcome.CONVERGED if fits else Outcome.UNREACHABLE)
+    return spectral_measurement.CoefficientDraws(coefficients, acceptance, float(draws),
+                            spectra.Outcome.CONVERGED if fits else spectra.Outcome.UNREACHABLE)
 
 
 def axis_intervals(c0: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -30,7 +30,7 @@ from scipy.linalg import solve_triangular
 from spectrabox.radiometry.errors import ConvergenceError, InputError
 from spectrabox.radiometry.records.scenes import LightTransport
 from spectrabox.radiometry.records.spectra import Outcome
-from spectrabox.sampling.prior.mixture import LogitMixture, of_families, reflectance
+from spectrabox.sampling.prior import mixture
 
 # of Levenberg-Marquardt; the fall of the cost, in nats, at which it has converged
 STEPS, COST_TOLERANCE = 60, 1e-2
@@ -98,7 +98,7 @@ class Modes:
     outcome: Outcome
 
 
-def gaussian_of(prior: LogitMixture) -> tuple[np.ndarray, np.ndarray]:
+def gaussian_of(prior: mixture.LogitMixture) -> tuple[np.ndarray, np.ndarray]:
     """Mean (P,) and root L (P, P) of the one Gaussian with the mixture's mean and covariance.
 
     Parameters
@@ -113,8 +113,8 @@ def gaussian_of(prior: LogitMixture) -> tuple[np.ndarray, np.ndarray]:
 
 
 def joint_problem(transport: LightTransport, response: np.ndarray, signal: np.ndarray,
-                  standard_error: np.ndarray, prior: LogitMixture, common: np.ndarray | None = None,
-                  known: Mapping[str, np.ndarray] | None = None,
+                  standard_error: np.ndarray, prior: mixture.LogitMixture,
+                  common: np.ndarray | None = None, known: Mapping[str, np.ndarray] | None = None,
                   families: Mapping[str, Sequence[str]] | None = None,
                   logs: np.ndarray | None = None) -> JointProblem:
     """Prepare the likelihood of a scene.
@@ -185,12 +185,12 @@ def joint_problem(transport: LightTransport, response: np.ndarray, signal: np.nd
     return _above_noise(whole)
 
 
-def _components(prior: LogitMixture, stated: Sequence[tuple[str, ...]], mean: np.ndarray,
+def _components(prior: mixture.LogitMixture, stated: Sequence[tuple[str, ...]], mean: np.ndarray,
                 root: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Log weights (M, C + 1), means and roots of the components of all materials' priors, and the
     one Gaussian of mean and root.
     """
-    priors = {families: of_families(prior, families) for families in dict.fromkeys(stated)}
+    priors = {families: mixture.of_families(prior, families) for families in dict.fromkeys(stated)}
     weights = [np.concatenate([one.weights if families == mine else np.zeros(one.weights.size)
                                for families, one in priors.items()] + [np.ones(1)])
                for mine in stated]
@@ -295,7 +295,7 @@ def products(problem: JointProblem, logits: np.ndarray) -> tuple[np.ndarray, np.
     logits : (n, M, P) array
     """
     terms = np.exp(problem.exponents @ -np.logaddexp(0, -logits))   # log rho stays finite
-    return reflectance(logits), terms * problem.known
+    return mixture.reflectance(logits), terms * problem.known
 
 
 def logits_of(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> np.ndarray:

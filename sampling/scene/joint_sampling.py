@@ -25,18 +25,7 @@ from spectrabox.radiometry.errors import ConvergenceError, InputError
 from spectrabox.radiometry.shaped import Record
 from spectrabox.sampling.polytope.diagnostics import tail_shape
 from spectrabox.sampling.prior.mixture import reflectance
-from spectrabox.sampling.scene.joint_posterior import (
-    JointProblem,
-    Modes,
-    fit_modes,
-    in_groups,
-    light,
-    log_weight_of,
-    logits_of,
-    products,
-    residual_and_jacobian,
-    residual_by_logit,
-)
+from spectrabox.sampling.scene import joint_posterior
 
 ROUND, MAX_PROPOSALS = 2000, 16_000
 INFORMED = 0.01  # a singular value of the Jacobian by which a direction counts as informed
@@ -75,7 +64,8 @@ class _Proposer:
     logit_directions: np.ndarray    # (M P, r)
 
 
-def sample_joint(problem: JointProblem, seed: int, modes: Modes | None = None, kept: int = 4000,
+def sample_joint(problem: joint_posterior.JointProblem, seed: int,
+                 modes: joint_posterior.Modes | None = None, kept: int = 4000,
                  effective_wanted: float = MIN_EFFECTIVE) -> JointSamples:
     """Draw from the joint posterior until enough draws are effective.
 
@@ -140,26 +130,28 @@ def sample_joint(problem: JointProblem, seed: int, modes: Modes | None = None, k
     return JointSamples(problem.materials, spectra, effective, tail)
 
 
-def _proposer(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> _Proposer:
-    jacobian = residual_and_jacobian(problem, labels, z)[1]
+def _proposer(problem: joint_posterior.JointProblem, labels: np.ndarray,
+              z: np.ndarray) -> _Proposer:
+    jacobian = joint_posterior.residual_and_jacobian(problem, labels, z)[1]
     u, size, vt = np.linalg.svd(jacobian, full_matrices=False)
     informed = size > INFORMED
     u, size, directions = u[:, informed], size[informed], vt[informed].T
     materials, wavelengths = len(labels), problem.means.shape[1]
     by_product = np.einsum("r,fr,fje->rje", size, u, problem.rows)
-    weight = np.einsum("rgke,kp->per", in_groups(problem, by_product), problem.response)
+    weight = np.einsum("rgke,kp->per", joint_posterior.in_groups(problem, by_product),
+                       problem.response)
     by_wavelength = (weight[..., None] * problem.exponents[None, :, None, :]).reshape(
         *weight.shape[:2], -1)
     logit_directions = np.concatenate(
         [problem.roots[label] @ directions[m * wavelengths:(m + 1) * wavelengths]
          for m, label in enumerate(labels)])
     assert materials * wavelengths + len(problem.logs) == z.size
-    return _Proposer(labels, log_weight_of(problem, labels), z @ directions, directions, size,
-                     by_product, size[:, None] * (u.T @ problem.added),
+    return _Proposer(labels, joint_posterior.log_weight_of(problem, labels), z @ directions,
+                     directions, size, by_product, size[:, None] * (u.T @ problem.added),
                      size * (u.T @ problem.targets), by_wavelength, logit_directions)
 
 
-def _propose(problem: JointProblem, proposer: _Proposer, count: int,
+def _propose(problem: joint_posterior.JointProblem, proposer: _Proposer, count: int,
              rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Logits (n, M, P) and log weights (n,) of proposals; those whose equations have no solution
     are left out.
@@ -167,7 +159,8 @@ def _propose(problem: JointProblem, proposer: _Proposer, count: int,
     scale = 1 / np.sqrt(1 + proposer.size**2)
     free = rng.standard_normal((count, len(proposer.directions)))
     free -= (free @ proposer.directions) @ proposer.directions.T
-    base, base_errors = logits_of(problem, proposer.labels, free), problem.errors_of(free)
+    base, base_errors = joint_posterior.logits_of(problem, proposer.labels,
+                                                  free), problem.errors_of(free)
     wanted = rng.standard_normal((count, proposer.size.size))
     a = proposer.centre + scale * wanted
     eta, slope, logits, errors = _equations(problem, proposer, base, base_errors, a)
@@ -189,7 +182,8 @@ def _propose(problem: JointProblem, proposer: _Proposer, count: int,
         step[rows], step[active[~better]] = 1.0, step[active[~better]] / 3
     solved = distance < 1e-3
     a, eta, slope, logits, errors = (part[solved] for part in (a, eta, slope, logits, errors))
-    _, received = light(problem, products(problem, logits)[1], errors)
+    _, received = joint_posterior.light(problem,
+                                        joint_posterior.products(problem, logits)[1], errors)
     residual = np.tensordot(received, problem.rows, axes=([1, 2], [1, 2])) \
         + errors @ problem.added.T - problem.targets
     log_weight = (proposer.log_weight - np.sum(a**2, axis=1) / 2 - np.sum(residual**2, axis=1) / 2
@@ -197,7 +191,7 @@ def _propose(problem: JointProblem, proposer: _Proposer, count: int,
     return logits, log_weight
 
 
-def _equations(problem: JointProblem, proposer: _Proposer, base: np.ndarray,
+def _equations(problem: joint_posterior.JointProblem, proposer: _Proposer, base: np.ndarray,
                base_errors: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, ...]:
     """eta (n, r), d eta / d a (n, r, r), the logits (n, M, P) and the errors that multiply (n, Q)
     at a (n, r).
@@ -207,8 +201,8 @@ def _equations(problem: JointProblem, proposer: _Proposer, base: np.ndarray,
     logits = base + (a @ proposer.logit_directions.T).reshape(base.shape)
     error_directions = proposer.directions[materials * wavelengths:]
     errors = base_errors + a @ error_directions.T
-    rho, terms = products(problem, logits)
-    factors, received = light(problem, terms, errors)                               # (n, J, E)
+    rho, terms = joint_posterior.products(problem, logits)
+    factors, received = joint_posterior.light(problem, terms, errors)  # (n, J, E)
     scale = 1 / np.sqrt(1 + proposer.size**2)
     if not errors.shape[1]:
         explained = received.reshape(count, -1) @ proposer.by_product.reshape(r, -1).T
@@ -227,12 +221,12 @@ def _equations(problem: JointProblem, proposer: _Proposer, base: np.ndarray,
     return eta, scale[:, None] * (np.eye(r) + slope + of_errors), logits, errors
 
 
-def _moved(problem: JointProblem, proposer: _Proposer, terms: np.ndarray,
+def _moved(problem: joint_posterior.JointProblem, proposer: _Proposer, terms: np.ndarray,
            factors: np.ndarray) -> np.ndarray:
     """How s U' f moves with the log of each reflectance (n, r, M, P), of products (n, E, P) and
     what multiplies the bands of each group (n, G, K).
     """
-    by_product = in_groups(problem, proposer.by_product)                            # (r, G, K, E)
+    by_product = joint_posterior.in_groups(problem, proposer.by_product)  # (r, G, K, E)
     moved = np.zeros((len(terms), len(by_product), len(problem.materials), terms.shape[2]))
     for band, response in enumerate(problem.response):
         weight = np.tensordot(factors[:, :, band], by_product[:, :, band], axes=([1], [1]))
@@ -260,8 +254,8 @@ SAMPLED = 128           # labels that draws are made of, at most; they leave 5 %
 EVIDENCE_CUTOFF = 7.0   # nats below the best, by the linearised evidence
 
 
-def find_modes(problem: JointProblem, most: int = FITTED,
-               first_guess: JointProblem | None = None) -> Modes:
+def find_modes(problem: joint_posterior.JointProblem, most: int = FITTED,
+               first_guess: joint_posterior.JointProblem | None = None) -> joint_posterior.Modes:
     """The most probable spectra of all materials, and of the labels that come near to them, the
     best first.
 
@@ -285,17 +279,19 @@ def find_modes(problem: JointProblem, most: int = FITTED,
     one_gaussian, z = np.full((1, materials), len(problem.means)
                               - 1), np.zeros((1, materials * wavelengths + len(start.logs)))
     for times in SOFTENED:
-        rough = fit_modes(start.softened(times), one_gaussian, z)
+        rough = joint_posterior.fit_modes(start.softened(times), one_gaussian, z)
         z = rough.z
     if first_guess is not None:
-        rough = fit_modes(problem, one_gaussian, np.pad(
+        rough = joint_posterior.fit_modes(problem, one_gaussian, np.pad(
             z, ((0, 0), (0, len(problem.logs) - len(start.logs)))))
-    first = fit_modes(problem, *near_labels(problem, *_best_of(problem, rough), FITTED))
-    second = fit_modes(problem, *near_labels(problem, *_best_of(problem, first), most))
+    first = joint_posterior.fit_modes(problem,
+                                      *near_labels(problem, *_best_of(problem, rough), FITTED))
+    second = joint_posterior.fit_modes(problem,
+                                       *near_labels(problem, *_best_of(problem, first), most))
     return _joined(first, second)
 
 
-def near_labels(problem: JointProblem, logits: np.ndarray, errors: np.ndarray,
+def near_labels(problem: joint_posterior.JointProblem, logits: np.ndarray, errors: np.ndarray,
                 most: int) -> tuple[np.ndarray, np.ndarray]:
     """The best labels (B, M), at most so many, by the evidence linearised at logits (M, P) and
     errors that multiply signals (Q,), and their z (B, M P + Q).
@@ -308,7 +304,7 @@ def near_labels(problem: JointProblem, logits: np.ndarray, errors: np.ndarray,
     most : int
         Number of labels.
     """
-    residual, jacobian, by_error = residual_by_logit(problem, logits, errors)
+    residual, jacobian, by_error = joint_posterior.residual_by_logit(problem, logits, errors)
     # what a linear camera would have seen
     seen = np.einsum("fmp,mp->f", jacobian, logits) + by_error @ errors - residual
     components, materials = len(problem.means) - 1, len(logits)
@@ -341,18 +337,19 @@ def near_labels(problem: JointProblem, logits: np.ndarray, errors: np.ndarray,
     return np.array(best), np.array(z)
 
 
-def _best_of(problem: JointProblem, modes: Modes) -> tuple[np.ndarray, np.ndarray]:
+def _best_of(problem: joint_posterior.JointProblem,
+             modes: joint_posterior.Modes) -> tuple[np.ndarray, np.ndarray]:
     """Logits (M, P) and errors that multiply signals (Q,) of the best mode."""
     best = int(np.argmax(modes.evidence))
     z = modes.z[best:best + 1]
-    return logits_of(problem, modes.labels[best], z)[0], problem.errors_of(z[0])
+    return joint_posterior.logits_of(problem, modes.labels[best], z)[0], problem.errors_of(z[0])
 
 
-def _joined(first: Modes, second: Modes) -> Modes:
+def _joined(first: joint_posterior.Modes, second: joint_posterior.Modes) -> joint_posterior.Modes:
     """The modes of the second, and those of the first that it has not, the best first."""
     known = set(map(tuple, second.labels.tolist()))
     new = np.array([tuple(labels) not in known for labels in first.labels.tolist()])
     labels, z = np.vstack([second.labels, first.labels[new]]), np.vstack([second.z, first.z[new]])
     evidence = np.concatenate([second.evidence, first.evidence[new]])
     order = np.argsort(-evidence)
-    return Modes(labels[order], z[order], evidence[order], second.outcome)
+    return joint_posterior.Modes(labels[order], z[order], evidence[order], second.outcome)

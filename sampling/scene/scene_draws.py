@@ -12,21 +12,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.special import chdtrc
 
-from spectrabox.radiometry.bspline import basis_matrix
 from spectrabox.radiometry.covariance import error_patterns, is_covariance
 from spectrabox.radiometry.error_model import split_errors
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.grid import basis_matrix
 from spectrabox.radiometry.records.scenes import LightTransport
 from spectrabox.radiometry.records.spectra import Outcome, SpectrumSamples
-from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior
-from spectrabox.sampling.scene.joint_posterior import (
-    JointProblem,
-    Modes,
-    joint_problem,
-    logits_of,
-    residual_by_logit,
-)
-from spectrabox.sampling.scene.joint_sampling import SAMPLED, find_modes, sample_joint
+from spectrabox.sampling.prior import mixture
+from spectrabox.sampling.scene import joint_posterior, joint_sampling
 from spectrabox.sampling.spectral_measurement import nearest_splines
 
 METHOD = "learnt prior through the light transport"
@@ -39,11 +32,11 @@ MAY_ADD = 0.03
 
 
 def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np.ndarray,
-               response: np.ndarray, draws: int, seed: int, prior: LogitMixture | None = None, *,
-               common: np.ndarray | None = None, logs: np.ndarray | None = None,
-               known: Mapping[str, np.ndarray] | None = None,
-               families: Mapping[str, Sequence[str]] | None = None, coefficients: int = 13
-               ) -> dict[str, SpectrumSamples]:
+               response: np.ndarray, draws: int, seed: int,
+               prior: mixture.LogitMixture | None = None, *, common: np.ndarray | None = None,
+               logs: np.ndarray | None = None, known: Mapping[str, np.ndarray] | None = None,
+               families: Mapping[str, Sequence[str]] | None = None,
+               coefficients: int = 13) -> dict[str, SpectrumSamples]:
     """Draws of every unknown material of a scene, by name; row t of all of them belongs to the same
     scene.
 
@@ -85,19 +78,20 @@ def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np
         raise InputError(f"the known materials {', '.join(sorted(unknown))} are not in the "
                          f"transport, which has {', '.join(transport.materials)}; name them as the "
                          "scene does")
-    scene = transport, response, signal, standard_error, prior or load_prior()
-    problem = joint_problem(*scene, common, known, families, logs)
+    scene = transport, response, signal, standard_error, prior or mixture.load_prior()
+    problem = joint_posterior.joint_problem(*scene, common, known, families, logs)
     if not problem.materials:
         raise InputError("every material of the scene is known; leave at least one to be estimated")
-    modes = find_modes(problem, SAMPLED, None if common is None else joint_problem(
-        *scene, None, known, families))
-    draws_of_all = sample_joint(problem, seed, modes, draws, EFFECTIVE)
+    modes = joint_sampling.find_modes(
+        problem, joint_sampling.SAMPLED,
+        None if common is None else joint_posterior.joint_problem(*scene, None, known, families))
+    draws_of_all = joint_sampling.sample_joint(problem, seed, modes, draws, EFFECTIVE)
     likely = surprise(problem, modes) >= SURPRISING
     outcome = Outcome.THROUGH_TRANSPORT if likely else Outcome.DISAGREES
-    basis = basis_matrix(PRIOR_GRID.nm, coefficients)
+    basis = basis_matrix(mixture.PRIOR_GRID.nm, coefficients)
 
     def samples_of(spectra: np.ndarray) -> SpectrumSamples:
-        return SpectrumSamples(PRIOR_GRID, spectra, nearest_splines(spectra, basis), METHOD,
+        return SpectrumSamples(mixture.PRIOR_GRID, spectra, nearest_splines(spectra, basis), METHOD,
                                draws_of_all.effective_samples, seed, outcome, (outcome.finding(),))
 
     return {name: samples_of(draws_of_all.spectra[:, m])
@@ -184,7 +178,7 @@ def split_shared(signal: np.ndarray, group: np.ndarray, causes: Mapping[str, np.
     return together + signal * (whole - by_group)[:, group], by_group[:, group]
 
 
-def surprise(problem: JointProblem, modes: Modes) -> float:
+def surprise(problem: joint_posterior.JointProblem, modes: joint_posterior.Modes) -> float:
     """Chance of a picture at least as far from the prior's as this one, in the Gaussian
     approximation at the mode.
 
@@ -196,6 +190,7 @@ def surprise(problem: JointProblem, modes: Modes) -> float:
     """
     best = int(np.argmax(modes.evidence))
     z = modes.z[best]
-    residual, *_ = residual_by_logit(problem, logits_of(problem, modes.labels[best], z[None])[0],
-                                     problem.errors_of(z))
+    residual, *_ = joint_posterior.residual_by_logit(
+        problem,
+        joint_posterior.logits_of(problem, modes.labels[best], z[None])[0], problem.errors_of(z))
     return float(chdtrc(len(residual), residual @ residual + z @ z))

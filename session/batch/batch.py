@@ -10,9 +10,7 @@ from pathlib import Path
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.files import read_text
-from spectrabox.session.batch.executors import NotRun, Workers, run_tasks
-from spectrabox.session.batch.manifest import Outcome, store_outcome, stored_outcome
-from spectrabox.session.batch.tasks import Order, Task, failed, first_task
+from spectrabox.session.batch import executors, overview, tasks
 
 
 def session_folders(named: Iterable[Path], listed: Path | None) -> list[Path]:
@@ -47,13 +45,17 @@ def session_folders(named: Iterable[Path], listed: Path | None) -> list[Path]:
     return list(dict.fromkeys(folders))
 
 
-def kept_outcomes(order: Order) -> dict[Path, Outcome]:
+def kept_outcomes(order: tasks.Order) -> dict[Path, overview.Outcome]:
     """Outcomes of sessions that are up to date already, by folder."""
-    kept = {folder: stored_outcome(order.out, folder, order.program) for folder in order.folders}
+    kept = {
+        folder: overview.stored_outcome(order.out, folder, order.program)
+        for folder in order.folders
+    }
     return {folder: outcome for folder, outcome in kept.items() if outcome is not None}
 
 
-def run_batch(order: Order, waiting: list[Path], workers: Workers) -> Iterator[Outcome]:
+def run_batch(order: tasks.Order, waiting: list[Path],
+              workers: executors.Workers) -> Iterator[overview.Outcome]:
     """Run sessions on workers.
 
     Parameters
@@ -74,14 +76,14 @@ def run_batch(order: Order, waiting: list[Path], workers: Workers) -> Iterator[O
         If the workers are out of reach. What is stored then stays so.
     """
     # made one by one: a task is known only once its session has been read
-    new = (first_task(folder, order) for folder in waiting)
-    checked = deque[Task]()
-    for task, result in run_tasks(
+    new = (tasks.first_task(folder, order) for folder in waiting)
+    checked = deque[tasks.Task]()
+    for task, result in executors.run_tasks(
             workers, lambda: checked.popleft() if checked else next(new, None)):
-        outcome = failed(task, result.why, EnvironmentProblem.exit_code) \
-            if isinstance(result, NotRun) else result
+        outcome = tasks.failed(task, result.why, EnvironmentProblem.exit_code) \
+            if isinstance(result, executors.NotRun) else result
         if outcome.state == "ready":
             checked.append(replace(task, check=False, needed_bytes=outcome.needed_bytes))
         else:
-            store_outcome(order.out, outcome, order.program)
+            overview.store_outcome(order.out, outcome, order.program)
             yield outcome

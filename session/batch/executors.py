@@ -30,7 +30,7 @@ from types import FrameType
 from typing import Any, Protocol, TypeVar
 
 from spectrabox.radiometry.errors import EnvironmentProblem
-from spectrabox.radiometry.system.free_memory import free_memory
+from spectrabox.radiometry.system.archives import free_memory
 
 KEPT_FREE = 0.1         # of the memory: the machine has other work
 ENDING_S = 20           # a stopped worker removes what it left half done

@@ -11,16 +11,11 @@ from spectrabox.capture.photo.metadata import photo_metadata
 from spectrabox.measure import texts
 from spectrabox.measure.extras import attempt, different
 from spectrabox.measure.steps.declared_steps import INVERSION
-from spectrabox.radiometry.errors import (
-    EnvironmentProblem,
-    SpectraboxError,
-    interrupt_behind,
-)
-from spectrabox.session.batch.manifest import Outcome, input_states, program_of_batch
+from spectrabox.radiometry import errors
+from spectrabox.session.batch import overview
 from spectrabox.session.config.session_file import SessionConfig, read_session
-from spectrabox.session.kept_stages import stage_names
 from spectrabox.session.outputs.run_outputs import outputs_of_run
-from spectrabox.session.pipeline import run_stages
+from spectrabox.session.pipeline import run_stages, stage_names
 from spectrabox.session.problems import check_session
 from spectrabox.session.report.pictures import picture_data_uri
 from spectrabox.session.store.locks import only_writer
@@ -59,7 +54,7 @@ class Task:
     check: bool                 # only check it
     needed_bytes: int           # of memory, with the program
 
-    def __call__(self) -> Outcome:
+    def __call__(self) -> overview.Outcome:
         """Check the session, or run it whole and write its report, on a worker.
 
         An error becomes the outcome, as a sentence. Only an interrupt is raised: what is whole
@@ -67,13 +62,14 @@ class Task:
         """
         start, memory = time.perf_counter(), PeakMemory()
         try:
-            if program_of_batch() != self.order.program:
-                raise EnvironmentProblem("this worker's program, packages or kept cameras are not "
-                                         "those that the batch began with: install the same, then "
-                                         "run the same command again")
+            if overview.program_of_batch() != self.order.program:
+                raise errors.EnvironmentProblem(
+                    "this worker's program, packages or kept cameras are not "
+                    "those that the batch began with: install the same, then "
+                    "run the same command again")
             outcome = _check(self) if self.check else _run(self)
         except BaseException as error:      # a batch goes on, whatever happens to one session
-            stop = interrupt_behind(error)
+            stop = errors.interrupt_behind(error)
             if stop is not None:
                 raise stop from None
             if isinstance(error, SystemExit | GeneratorExit):
@@ -90,17 +86,17 @@ def first_task(folder: Path, order: Order) -> Task:
         config = read_session(folder, order.allow_outside)
         return replace(task, check=INVERSION.name in stage_names(config),
                        needed_bytes=needed_bytes(config))
-    except SpectraboxError:
+    except errors.SpectraboxError:
         return task
 
 
-def failed(task: Task, sentence: str, exit_code: int) -> Outcome:
+def failed(task: Task, sentence: str, exit_code: int) -> overview.Outcome:
     """The outcome of a session that has no results."""
-    return Outcome(str(task.folder), "failed", task.folder.name, says=sentence,
+    return overview.Outcome(str(task.folder), "failed", task.folder.name, says=sentence,
                    exit_code=exit_code, needed_bytes=task.needed_bytes)
 
 
-def _check(task: Task) -> Outcome:
+def _check(task: Task) -> overview.Outcome:
     order = task.order
     with only_writer(task.folder, "spectrabox batch"):
         result = check_session(task.folder, order.allow_outside, order.device,
@@ -108,11 +104,11 @@ def _check(task: Task) -> Outcome:
     if result.problems:
         return failed(task, "\n".join(each.sentence for each in result.problems),
                       min(each.exit_code for each in result.problems))
-    return Outcome(str(task.folder), "ready", task.folder.name,
+    return overview.Outcome(str(task.folder), "ready", task.folder.name,
                    needed_bytes=task.needed_bytes + (result.tracing_bytes or 0))
 
 
-def _run(task: Task) -> Outcome:
+def _run(task: Task) -> overview.Outcome:
     def quiet(stage: str, share: float, message: str) -> None:
         """A batch shows sessions, not stages."""
 
@@ -125,12 +121,12 @@ def _run(task: Task) -> Outcome:
         words = ["spectrabox", "run", task.folder.name, "--device", order.device]
         outputs = outputs_of_run(config, finished, words, order.device, quiet)
         facts = outputs.facts
-        files = input_states(config)
+        files = overview.input_states(config)
         photo = photo_metadata(config.path(config.all_views[0].photo_files[0]))
         preview = config.results_folder / "photo" / "preview.png"
         thumbnail, fault = attempt("picture of the photo", lambda: picture_data_uri(
             preview, THUMBNAIL_PX), "")
-    return Outcome(str(task.folder), "done", config.session.name, facts["verdict"],
+    return overview.Outcome(str(task.folder), "done", config.session.name, facts["verdict"],
                    facts.get("says", ""), report=facts["report"],
                    stages={name: (finished.states[name], stage.seconds)
                            for name, stage in finished.stored.items()},

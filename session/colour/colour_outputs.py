@@ -21,10 +21,11 @@ from spectrabox.measure.profiles.archive_quantities import (
     archive_quantities,
     chart_colours,
 )
-from spectrabox.measure.profiles.colour_photo import colour_picture, relative_signals
 from spectrabox.measure.profiles.colour_profile import (
     ColourProfile,
+    colour_picture,
     colour_profile,
+    relative_signals,
     response_of_calibration,
 )
 from spectrabox.measure.steps.signals import flat_errors, flat_photos
@@ -33,10 +34,10 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.interreflection import relative_response
 from spectrabox.radiometry.profile_files import SPACES, write_profile
-from spectrabox.radiometry.response import relative_response
 from spectrabox.session.config.session_file import SessionConfig
-from spectrabox.session.kept_stages import FinishedRun
+from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.report.page import style_sheet, templates
 
 PHOTO, PAGE = "photo.tif", "archive.html"

@@ -7,14 +7,7 @@ from typing import Annotated
 
 import typer
 
-from spectrabox.session.terminal.command_line import (
-    Answer,
-    Command,
-    Device,
-    Outside,
-    Quiet,
-    tell,
-)
+from spectrabox.session.terminal import command_line
 
 
 def register(app: typer.Typer) -> None:
@@ -22,7 +15,7 @@ def register(app: typer.Typer) -> None:
     app.command()(batch)
 
 
-@Command
+@command_line.Command
 def batch(
     folders: Annotated[tuple[Path, ...], typer.Argument(
         metavar="DIR...", show_default=False, help="Session folders.")] = (),
@@ -40,14 +33,19 @@ def batch(
     out: Annotated[Path, typer.Option(
         "--out", "-o", metavar="DIR", help="Folder of what is done, shared calibrations and the "
         "page of all verdicts.")] = Path("batch"),
-    device: Device = "auto",
-    allow_outside: Outside = False,
-    quiet: Quiet = False,
-) -> Answer:
+    device: command_line.Device = "auto",
+    allow_outside: command_line.Outside = False,
+    quiet: command_line.Quiet = False,
+) -> command_line.Answer:
     """Run many sessions, several at a time, and write one page of all verdicts."""
     from spectrabox.session.batch.batch import kept_outcomes, run_batch, session_folders
-    from spectrabox.session.batch.manifest import program_of_batch
-    from spectrabox.session.batch.overview import BatchProgress, batch_facts, batch_text, write_page
+    from spectrabox.session.batch.overview import (
+        BatchProgress,
+        batch_facts,
+        batch_text,
+        program_of_batch,
+        write_page,
+    )
     from spectrabox.session.batch.tasks import Order
     from spectrabox.session.batch.workers import open_workers
     from spectrabox.session.store.locks import sole_user
@@ -62,7 +60,7 @@ def batch(
             with progress_display(quiet) as show, \
                     open_workers(cluster, workers, len(waiting), dashboard) as pool:
                 if pool.about and not quiet:
-                    tell(pool.about)
+                    command_line.tell(pool.about)
                 used = pool.capacity().workers
                 progress = BatchProgress(show, len(order.folders), kept,
                                          not quiet and not sys.stderr.isatty())
@@ -73,5 +71,5 @@ def batch(
             ended = [outcomes[each] for each in order.folders if each in outcomes]
             page = write_page(order.out, ended, len(order.folders))
     failed = [each.exit_code for each in ended if each.state == "failed"]
-    return Answer(batch_facts(ended, kept, page, used), batch_text(ended, kept, page),
+    return command_line.Answer(batch_facts(ended, kept, page, used), batch_text(ended, kept, page),
                   min(failed, default=0))

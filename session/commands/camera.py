@@ -10,16 +10,8 @@ from spectrabox.session.commands.requests import (
     METHODS,
     PriorFile,
 )
+from spectrabox.session.terminal import command_line
 from spectrabox.session.terminal.command_help import Commands
-from spectrabox.session.terminal.command_line import (
-    CORNERS,
-    CORNERS_HELP,
-    Answer,
-    ChartLayout,
-    Command,
-    UsageProblem,
-    check_ending,
-)
 
 PRIORS = {".npz": "a prior on curves"}
 CURVES = {".csv": "the curves and their standard errors"}
@@ -35,41 +27,54 @@ def register(app: typer.Typer) -> None:
     app.add_typer(camera, name="camera")
 
 
-@Command
+@command_line.Command
 def fit(
-    light: Annotated[tuple[str, ...], typer.Option(
-        metavar="FILE|NAME", show_default=False, help="{light.spectrum} Here 3200K is a "
-        "temperature. Once for each photo, or once for all.")],
-    photos: Annotated[tuple[Path, ...], typer.Argument(
-        metavar="[PHOTO...]", show_default=False, help="Photos of a colour chart, as --chart gives "
-        "them.")] = (),
-    chart: Annotated[tuple[Path, ...], typer.Option(
-        metavar="PHOTO", help="Raw, DNG, or linear EXR or TIFF of a colour chart; several of one "
-        "camera may be given.")] = (),
-    patches: Annotated[tuple[Path, ...], typer.Option(
-        metavar="CSV", help="Signals, a row for each patch, in place of a photo; columns named "
-        "standard_error... hold their errors.")] = (),
-    method: Annotated[str, typer.Option(
-        metavar="|".join(METHODS),
-        help="{sensitivity.method}")] = "prior",
-    curves: Annotated[Path | None, typer.Option(
-        metavar="CSV", help="Measured curves, with method file.")] = None,
-    out: Annotated[Path | None, typer.Option(
-        "--out", "-o", metavar="CSV", help="Write the curves and their band.")] = None,
-    draws_file: Annotated[Path | None, typer.Option(
-        metavar="NPZ", help="Write 1000 draws of the curves.")] = None,
-    reference: Annotated[tuple[str, ...], typer.Option(
-        metavar="NAME|FILE", help="{chart.reference}")] = (),
-    layout: ChartLayout = "",
-    corners: Annotated[tuple[str, ...], typer.Option(
-        metavar=CORNERS, help=CORNERS_HELP + " Once for each photo, or once for all; may be "
-        "repeated.")] = (),
-    leave_out: Annotated[str, typer.Option(
-        metavar="N,N...", show_default=False, help="{chart.leave_out}")] = "",
+    light: Annotated[
+        tuple[str, ...],
+        typer.Option(
+            metavar="FILE|NAME", show_default=False, help="{light.spectrum} Here 3200K is a "
+            "temperature. Once for each photo, or once for all.")],
+    photos: Annotated[tuple[Path, ...],
+                      typer.Argument(metavar="[PHOTO...]", show_default=False,
+                                     help="Photos of a colour chart, as --chart gives "
+                                     "them.")] = (),
+    chart: Annotated[tuple[Path, ...],
+                     typer.Option(
+                         metavar="PHOTO",
+                         help="Raw, DNG, or linear EXR or TIFF of a colour chart; several of one "
+                         "camera may be given.")] = (),
+    patches: Annotated[
+        tuple[Path, ...],
+        typer.Option(
+            metavar="CSV", help="Signals, a row for each patch, in place of a photo; columns named "
+            "standard_error... hold their errors.")] = (),
+    method: Annotated[
+        str, typer.Option(metavar="|".join(METHODS), help="{sensitivity.method}")] = "prior",
+    curves: Annotated[
+        Path | None,
+        typer.Option(metavar="CSV", help="Measured curves, with method file.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="CSV", help="Write the curves and their band.")] = None,
+    draws_file: Annotated[
+        Path | None,
+        typer.Option(metavar="NPZ", help="Write 1000 draws of the curves.")] = None,
+    reference: Annotated[tuple[str, ...],
+                         typer.Option(metavar="NAME|FILE", help="{chart.reference}")] = (),
+    layout: command_line.ChartLayout = "",
+    corners: Annotated[tuple[str, ...],
+                       typer.Option(
+                           metavar=command_line.CORNERS, help=command_line.CORNERS_HELP
+                           + " Once for each photo, or once for all; may be "
+                           "repeated.")] = (),
+    leave_out: Annotated[
+        str, typer.Option(metavar="N,N...", show_default=False, help="{chart.leave_out}")] = "",
     prior_file: PriorFile = None,
-    keep: Annotated[str | None, typer.Option(
-        metavar="NAME", help="Keep the curves under this name, for --sensitivity NAME.")] = None,
-) -> Answer:
+    keep: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Keep the curves under this name, for --sensitivity NAME."
+                     )] = None,
+) -> command_line.Answer:
     """Measure a camera's sensitivities on photos of a colour chart, with error bars.
 
     Under an unknown light the answer is the product of sensitivity and light.
@@ -78,23 +83,25 @@ def fit(
     second; one alone serves all.
     """
     if method not in METHODS:
-        raise UsageProblem(f"--method {method} is not known; known are {', '.join(METHODS)}")
+        raise command_line.UsageProblem(
+            f"--method {method} is not known; known are {', '.join(METHODS)}")
     photos = (*photos, *chart)
     if bool(photos) == bool(patches):
-        raise UsageProblem("give either photos of a chart or --patches CSV")
+        raise command_line.UsageProblem("give either photos of a chart or --patches CSV")
     if (method == "file") != (curves is not None):
-        raise UsageProblem("measured curves need both --method file and --curves CSV")
+        raise command_line.UsageProblem("measured curves need both --method file and --curves CSV")
     given = photos or patches
     for option, stated in (("--light", light), ("--reference", reference), ("--corners", corners)):
         if stated and len(stated) not in (1, len(given)):
-            raise UsageProblem(f"{len(stated)} times {option} for {len(given)} photos; give one "
-                               "for each or one for all")
+            raise command_line.UsageProblem(
+                f"{len(stated)} times {option} for {len(given)} photos; give one "
+                "for each or one for all")
     outputs = [path for path in (out, draws_file) if path is not None]
     from spectrabox.calibrate.chart_calibration import CalibrationOptions
     from spectrabox.calibrate.prior.camera_prior import load_camera_prior
     from spectrabox.measure.camera import measure_camera
     from spectrabox.radiometry.grid import FINE_GRID
-    from spectrabox.radiometry.spectra.kept_cameras import keep_camera, require_new_name
+    from spectrabox.radiometry.spectra.cameras import keep_camera, require_new_name
     from spectrabox.session.camera.camera_files import (
         camera_capture,
         read_layout,
@@ -106,8 +113,8 @@ def fit(
     inputs = [*given, *map(Path, (*light, *reference)),
               *(path for path in (curves, prior_file) if path is not None)]
     require_outputs(outputs, inputs)
-    check_ending(out, CURVES)
-    check_ending(draws_file, DRAWS, "--draws-file")
+    command_line.check_ending(out, CURVES)
+    command_line.check_ending(draws_file, DRAWS, "--draws-file")
     if keep is not None:
         require_new_name(keep)
     capture = camera_capture(read_layout(layout), photos, patches, light, reference, corners,
@@ -128,10 +135,10 @@ def fit(
     if draws_file is not None:
         write_draws(draws_file, fitted)
         facts["samples"] = draws_file
-    return Answer(facts, text)
+    return command_line.Answer(facts, text)
 
 
-@Command
+@command_line.Command
 def prior(
     folder: Annotated[Path, typer.Argument(
         metavar="FOLDER", show_default=False, help="Curves: rawtoaces JSON, CSV.")],
@@ -140,9 +147,9 @@ def prior(
     source: Annotated[str | None, typer.Option(
         metavar="TEXT", help="Stored with the prior; the folder by default.")] = None,
     licence: Annotated[str, typer.Option(help="Licence of the curves.")] = "not stated",
-) -> Answer:
+) -> command_line.Answer:
     """Build a prior on sensitivities from a folder of measured cameras."""
-    check_ending(out, PRIORS)
+    command_line.check_ending(out, PRIORS)
     from spectrabox.calibrate.prior.camera_prior import save_camera_prior
     from spectrabox.calibrate.prior.learnt_prior import build_prior, read_camera_database
     database = read_camera_database(folder)
@@ -152,14 +159,14 @@ def prior(
     save_camera_prior(out, learnt)
     families = [members for members, level in zip(learnt.members, learnt.level, strict=True)
                 if level == 0]
-    return Answer({"file": out, "cameras": database.names, "skipped": database.skipped,
+    return command_line.Answer({"file": out, "cameras": database.names, "skipped": database.skipped,
                    "families": families, "bands": learnt.bands},
                   "\n".join([f"wrote {out}: {count} cameras, {len(families)} families of "
                              "two or more",
                              *(f"- skipped: {reason}" for reason in database.skipped)]))
 
 
-@Command
+@command_line.Command
 def profile(
     sensitivity: Annotated[str, typer.Argument(
         metavar="FILE|NAME", show_default=False, help="Curves of three bands, or a camera by its "
@@ -186,42 +193,42 @@ def profile(
         "its spread.")] = None,
     idt_light: Annotated[str, typer.Option(
         metavar="FILE|NAME", help="Spectrum or CIE name of the light of the ACES matrix.")] = "D55",
-) -> Answer:
+) -> command_line.Answer:
     """Write colour matrices and profiles of a camera, with error bars and colour errors."""
     from spectrabox.session.camera.profiles import FORMS, write_profiles
     for path in out:
-        check_ending(path, FORMS)
+        command_line.check_ending(path, FORMS)
     known = write_profiles(sensitivity, camera, out, light, family, raw, draws_file, idt_light)
-    return Answer(known.facts() | {"files": out}, "\n".join([
+    return command_line.Answer(known.facts() | {"files": out}, "\n".join([
         known.text(), *(f"wrote {path}" for path in out)]))
 
 
-@Command
+@command_line.Command
 def add(
     files: Annotated[tuple[Path, ...], typer.Argument(
         metavar="FILE|FOLDER...", show_default=False, help="Measured curves: rawtoaces JSON, "
         "CSV; folders of them.")],
-) -> Answer:
+) -> command_line.Answer:
     """Keep further measured cameras by their names, for --sensitivity \"My camera\"."""
     from spectrabox.session.camera.camera_files import add_cameras
     kept, skipped, folder = add_cameras(files)
-    return Answer({"folder": str(folder), "cameras": kept, "skipped": skipped},
+    return command_line.Answer({"folder": str(folder), "cameras": kept, "skipped": skipped},
                   "\n".join([f"kept in {folder}: {', '.join(kept) or 'none'}",
                              *(f"- skipped: {reason}" for reason in skipped)]))
 
 
-@Command
-def list_cameras() -> Answer:
+@command_line.Command
+def list_cameras() -> command_line.Answer:
     """Names of the cameras and observers that --sensitivity takes, such as \"Nikon D810\"."""
     from spectrabox.radiometry.published.published_tables import (
         CAMERAS,
         OBSERVERS,
         published_names,
     )
-    from spectrabox.radiometry.spectra.kept_cameras import own_cameras
+    from spectrabox.radiometry.spectra.cameras import own_cameras
     own, measured = own_cameras(), published_names(CAMERAS)
     published = published_names(OBSERVERS)
-    return Answer({"own": {name: str(path) for name, path in own.items()},
+    return command_line.Answer({"own": {name: str(path) for name, path in own.items()},
                    "measured": measured, "published": published},
                   "\n".join([*(f"{name}  (your own)" for name in own),
                              *(f"{name}  (rawtoaces-data)" for name in measured), *published]))

@@ -9,16 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from spectrabox.radiometry.errors import CheckError
-from spectrabox.session.terminal.command_line import (
-    CORNERS,
-    CORNERS_HELP,
-    Answer,
-    ChartLayout,
-    Command,
-    Debug,
-    Json,
-    check_ending,
-)
+from spectrabox.session.terminal import command_line
 
 if TYPE_CHECKING:
     from spectrabox.capture.chart.quality import ChartVerdict
@@ -35,33 +26,43 @@ def register(app: typer.Typer) -> None:
         app.command()(function)
 
 
-@Command
+@command_line.Command
 def chart(
-    photo: Annotated[Path, typer.Argument(
-        metavar="PHOTO", show_default=False, help="Camera raw, DNG, linear EXR or TIFF; or a "
-        "JPEG or PNG, of which light, glare and focus are judged.")],
-    overlay: Annotated[Path | None, typer.Option(
-        metavar="PNG", help="Write the photo with the samples drawn.")] = None,
-    out: Annotated[Path | None, typer.Option(
-        "--out", "-o", metavar="CSV", help="Write position, linear values and their spread, a row "
-        "for each patch.")] = None,
-    corners: Annotated[str | None, typer.Option(metavar=CORNERS, help=CORNERS_HELP)] = None,
-    layout: ChartLayout = "",
-    reference: Annotated[str | None, typer.Option(
-        metavar="NAME|FILE", show_default=False, help="Reflectances by which a chart is known that "
-        "is no ColorChecker of 24 patches.")] = None,
-    encoded: Annotated[bool | None, typer.Option(
-        "--encoded/--linear", help="Take an image file as sRGB-encoded, or as linear. Default: "
-        "JPEG and PNG are encoded.")] = None,
-    as_json: Json = False,
-    debug: Debug = False,
-) -> Answer:
+    photo: Annotated[
+        Path,
+        typer.Argument(
+            metavar="PHOTO", show_default=False, help="Camera raw, DNG, linear EXR or TIFF; or a "
+            "JPEG or PNG, of which light, glare and focus are judged.")],
+    overlay: Annotated[
+        Path | None,
+        typer.Option(metavar="PNG", help="Write the photo with the samples drawn.")] = None,
+    out: Annotated[Path | None,
+                   typer.Option(
+                       "--out", "-o", metavar="CSV",
+                       help="Write position, linear values and their spread, a row "
+                       "for each patch.")] = None,
+    corners: Annotated[
+        str | None,
+        typer.Option(metavar=command_line.CORNERS, help=command_line.CORNERS_HELP)] = None,
+    layout: command_line.ChartLayout = "",
+    reference: Annotated[str | None,
+                         typer.Option(
+                             metavar="NAME|FILE", show_default=False,
+                             help="Reflectances by which a chart is known that "
+                             "is no ColorChecker of 24 patches.")] = None,
+    encoded: Annotated[
+        bool | None,
+        typer.Option(
+            "--encoded/--linear", help="Take an image file as sRGB-encoded, or as linear. Default: "
+            "JPEG and PNG are encoded.")] = None,
+    as_json: command_line.Json = False,
+    debug: command_line.Debug = False,
+) -> command_line.Answer:
     """Find the colour chart in a photo, and say whether the photo is good enough."""
     from spectrabox.capture.chart.detection import chart_overlay
     from spectrabox.capture.photo.image_writers import write_png
     from spectrabox.measure import extras, texts
-    from spectrabox.measure.chart_edition import edition_in_photo
-    from spectrabox.measure.chart_patches import patch_columns, table_of_columns
+    from spectrabox.measure.chart_patches import edition_in_photo, patch_columns, table_of_columns
     from spectrabox.radiometry.files import write_text_whole
     from spectrabox.session.camera.camera_files import chart_named, read_layout
     image = _open(photo, encoded)
@@ -71,7 +72,7 @@ def chart(
     except CheckError as error:
         if debug or not as_json:
             raise
-        return Answer({"verdict": "refused", "reasons": [str(error)], "findings": [],
+        return command_line.Answer({"verdict": "refused", "reasons": [str(error)], "findings": [],
                        "corners_px": None, "mean": None, "standard_error": None,
                        "mirrored": None, "confidence": 0.0, "photo": photo, "edition": None}, "",
                       error.exit_code)
@@ -82,7 +83,7 @@ def chart(
             read_layout(layout), detection, verdict.samples, verdict.excluded)))
     edition = edition_in_photo(image, read_layout(layout), verdict.samples)
     failed = () if edition.failed is None else (edition.failed,)
-    return Answer({**_facts(photo, image, read_layout(layout), detection, verdict),
+    return command_line.Answer({**_facts(photo, image, read_layout(layout), detection, verdict),
                    "edition": edition.facts,
                    "failed_extras": [extras.facts(one) for one in failed]},
                   "\n".join([_text(photo, detection, verdict), f"edition: {edition.says}",
@@ -90,7 +91,7 @@ def chart(
                   0 if verdict.good else RE_SHOOT, failed)
 
 
-@Command
+@command_line.Command
 def develop(
     photos: Annotated[tuple[Path, ...], typer.Argument(
         metavar="PHOTO...", show_default=False, help="Camera raw, DNG, or linear EXR or TIFF.")],
@@ -104,15 +105,15 @@ def develop(
     not_linear: Annotated[bool, typer.Option(
         "--not-linear", help="Take JPEG, PNG and 8-bit files too, decoded as sRGB and marked so: "
         "good for finding a chart, but not for measuring.")] = False,
-) -> Answer:
+) -> command_line.Answer:
     """Turn raw photos into linear camera signal: black and dark removed, exposures merged,
     flat-fielded; an EXR with its variance.
     """
     from spectrabox.capture.develop.developed import develop_photos
     from spectrabox.capture.photo.image_writers import write_linear_exr
-    from spectrabox.capture.photo.orientation import photo_orientation
+    from spectrabox.capture.photo.preview import photo_orientation
     from spectrabox.measure import texts
-    check_ending(out, {".exr": "the signal in floating point"})
+    command_line.check_ending(out, {".exr": "the signal in floating point"})
     image, findings = develop_photos(photos, dark, flat_field, not_linear)
     notes = [texts.says(finding) for finding in findings]
     write_linear_exr(out, image, photo_orientation(photos[0]))
@@ -123,13 +124,13 @@ def develop(
              f"{facts['saturated_fraction']:.2%} saturated, noise at half scale "
              + ", ".join(f"{value:.3%}" for value in facts["noise_at_half"]),
              *(f"- {note}" for note in notes)]
-    return Answer(facts, "\n".join(lines))
+    return command_line.Answer(facts, "\n".join(lines))
 
 
 def _open(photo: Path, encoded: bool | None) -> LinearImage:
     from spectrabox.capture.photo.image_files import read_encoded_file
     from spectrabox.capture.photo.linear import open_photo
-    from spectrabox.capture.photo.orientation import photo_orientation, turned
+    from spectrabox.capture.photo.preview import photo_orientation, turned
     from spectrabox.capture.photo.stored_images import is_image_file
     if encoded is None:
         encoded = photo.suffix.lower() in ENCODED_SUFFIXES

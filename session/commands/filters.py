@@ -6,14 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from spectrabox.session.terminal import command_line
 from spectrabox.session.terminal.command_help import Commands
-from spectrabox.session.terminal.command_line import (
-    Answer,
-    ChartLayout,
-    Command,
-    UsageProblem,
-    check_ending,
-)
 
 if TYPE_CHECKING:
     from spectrabox.measure.more_bands.filter_fit import MeasuredFilter
@@ -28,7 +22,7 @@ def register(app: typer.Typer) -> None:
     app.add_typer(filters)
 
 
-@Command
+@command_line.Command
 def fit(
     files: Annotated[tuple[Path, ...], typer.Argument(
         metavar="WITHOUT WITH", show_default=False, help="Two photos of a colour chart, or with "
@@ -44,13 +38,14 @@ def fit(
         "spectrum.")] = "unknown",
     reference: Annotated[str | None, typer.Option(
         metavar="NAME|FILE", help="Chart reflectances.")] = None,
-    layout: ChartLayout = "",
-) -> Answer:
+    layout: command_line.ChartLayout = "",
+) -> command_line.Answer:
     """Measure the transmittance of a filter, with standard errors, as a file for --filters."""
     if len(files) != 2:
-        raise UsageProblem(f"{len(files)} files were given; two are needed: first without "
-                           "the filter, then with it")
-    check_ending(out, WRITTEN)
+        raise command_line.UsageProblem(
+            f"{len(files)} files were given; two are needed: first without "
+            "the filter, then with it")
+    command_line.check_ending(out, WRITTEN)
     from spectrabox.radiometry.errors import InputError
     from spectrabox.radiometry.files import write_text_whole
     from spectrabox.radiometry.grid import FINE_GRID
@@ -64,7 +59,7 @@ def fit(
         FINE_GRID.nm, {"transmittance": known.transmittance,
                        "standard_error": known.standard_error},
         quantity=Quantity.RELATIVE, source=known.source))
-    return Answer(known.facts() | {"file": out}, f"wrote {out}: {known.text()}")
+    return command_line.Answer(known.facts() | {"file": out}, f"wrote {out}: {known.text()}")
 
 
 def _of_readings(without: Path, through: Path) -> MeasuredFilter:

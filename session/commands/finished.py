@@ -8,20 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from spectrabox.session.terminal.command_line import (
-    Answer,
-    Command,
-    Device,
-    Folder,
-    Outside,
-    Quiet,
-    check_ending,
-    tell,
-)
+from spectrabox.session.terminal import command_line
 
 if TYPE_CHECKING:
     from spectrabox.session.config.session_file import SessionConfig
-    from spectrabox.session.kept_stages import FinishedRun
+    from spectrabox.session.pipeline import FinishedRun
 
 
 def register(app: typer.Typer) -> None:
@@ -30,10 +21,10 @@ def register(app: typer.Typer) -> None:
         app.command()(function)
 
 
-@Command
+@command_line.Command
 def relight(
-    folder: Folder,
-    allow_outside: Outside = False,
+    folder: command_line.Folder,
+    allow_outside: command_line.Outside = False,
     light: Annotated[str | None, typer.Option(
         metavar="FILE|NAME",
         help="A CIE illuminant such as D65 or FL11, or a file; the session's own by "
@@ -46,18 +37,18 @@ def relight(
         "written beside it.")] = None,
     width: Annotated[int, typer.Option(min=16, max=4096, help="Width in pixels.")] = 480,
     spp: Annotated[int, typer.Option(min=1, max=65536, help="Paths per pixel.")] = 64,
-    device: Device = "auto",
-) -> Answer:
+    device: command_line.Device = "auto",
+) -> command_line.Answer:
     """Render the scene with the recovered spectra under any light, and say how far its colours are
     known there.
     """
-    check_ending(out, {".png": "a picture; its X, Y, Z go to an EXR beside it"})
+    command_line.check_ending(out, {".png": "a picture; its X, Y, Z go to an EXR beside it"})
     from spectrabox.capture.photo.image_writers import write_exr, write_png
     from spectrabox.measure.scene.box_camera import scene_of
     from spectrabox.measure.shoot.captures import stated_scene
     from spectrabox.session.outputs.run_outputs import require_results
-    from spectrabox.session.relight import OBSERVER
-    from spectrabox.session.relight import relight as render_under
+    from spectrabox.session.replayed import OBSERVER
+    from spectrabox.session.replayed import relight as render_under
     from spectrabox.session.store.locks import outputs_writer
     config, finished, stale = finished_session(folder, allow_outside)
     scene = scene_of(stated_scene(config, config.inputs))
@@ -77,17 +68,17 @@ def relight(
                 f"   draws within dE00 {colour.delta_e00_median:.2f} (half), "
                 f"{colour.delta_e00_95:.2f} (95 %)")
              for colour in relit.colours]
-    return Answer({"png": str(png), "exr": str(png.with_suffix(".exr")),
+    return command_line.Answer({"png": str(png), "exr": str(png.with_suffix(".exr")),
                    "light": light or "session",
                    "colours": [vars(colour) for colour in relit.colours],
                    "notes": list(notes), "stale": stale},
                   "\n".join([*lines, *notes, f"picture: {png}"]))
 
 
-@Command
+@command_line.Command
 def colour(
-    folder: Folder,
-    allow_outside: Outside = False,
+    folder: command_line.Folder,
+    allow_outside: command_line.Outside = False,
     out: Annotated[Path | None, typer.Option(
         "--out", "-o", metavar="DIR", help="Folder of the files; DIR/colour by default.")] = None,
     space: Annotated[Literal["prophoto", "p3", "lab"], typer.Option(
@@ -95,7 +86,7 @@ def colour(
     family: Annotated[tuple[str, ...], typer.Option(
         metavar="FAMILY", help="What the surfaces are: paint, textile, leaves, skin, white, earth "
         "or animal; by default what the session states. May be repeated.")] = (),
-) -> Answer:
+) -> command_line.Answer:
     """Write a finished session of flat samples for colour management: the photo as 16-bit TIFF, ICC
     and OpenColorIO profiles with their errors, and a page for the archive.
     """
@@ -107,47 +98,48 @@ def colour(
         facts, text = write_colour(config, finished, out or folder / "colour",
                                    space, family)
         require_results(finished, "spectrabox colour")
-    return Answer({**facts, "stale": stale}, text)
+    return command_line.Answer({**facts, "stale": stale}, text)
 
 
-@Command
+@command_line.Command
 def draws(
     *,
-    folder: Folder,
-    allow_outside: Outside = False,
+    folder: command_line.Folder,
+    allow_outside: command_line.Outside = False,
     out: Annotated[Path, typer.Option(
         "--out", "-o", metavar="FILE", show_default=False, help=".npz: one array a surface; .csv "
         "or .parquet: a row for each surface, draw and wavelength.")],
     step: Annotated[int, typer.Option(min=1, max=100, help="Nanometres between wavelengths.")] = 5,
     count: Annotated[int | None, typer.Option(
         "--samples", min=1, help="Draws of each surface; all by default.")] = None,
-) -> Answer:
+) -> command_line.Answer:
     """Write the spectra that were drawn for the surfaces of a finished session into one file."""
-    from spectrabox.session.store.draws_files import FORMS, stored_draws, write_draws
-    check_ending(out, FORMS)
+    from spectrabox.session.store.surface_files import FORMS, stored_draws, write_draws
+    command_line.check_ending(out, FORMS)
     _, finished, stale = finished_session(folder, allow_outside)
     drawn = stored_draws(finished.records.sample, step, count)
     write_draws(out, drawn)
     numbers = {name: len(values) for name, (_, values) in drawn.items()}
     nm = next(iter(drawn.values()))[0]
     counts = ", ".join(f"{count} of {name}" for name, count in numbers.items())
-    return Answer({"file": out, "draws": numbers, "wavelengths_nm": nm, "stale": stale},
-                  f"wrote {out}: {counts}, {nm[0]:g}-{nm[-1]:g} nm every {step} "
-                  "nm")
+    return command_line.Answer(
+        {"file": out, "draws": numbers, "wavelengths_nm": nm, "stale": stale},
+        f"wrote {out}: {counts}, {nm[0]:g}-{nm[-1]:g} nm every {step} "
+        "nm")
 
 
-@Command
+@command_line.Command
 def rehearse(
-    folder: Folder,
-    allow_outside: Outside = False,
+    folder: command_line.Folder,
+    allow_outside: command_line.Outside = False,
     times: Annotated[int, typer.Option(help="Photos of known truth, from 20 up.")] = 200,
     seed: Annotated[int, typer.Option(help="Random seed of truths, photos and draws.")] = 1,
-    device: Device = "auto",
-    quiet: Quiet = False,
-) -> Answer:
+    device: command_line.Device = "auto",
+    quiet: command_line.Quiet = False,
+) -> command_line.Answer:
     """Test whether this session's bands hold, on simulated photos with known truths."""
     from spectrabox.session.config.session_file import read_session
-    from spectrabox.session.rehearsal import rehearse as replay
+    from spectrabox.session.replayed import rehearse as replay
     from spectrabox.session.store.locks import only_writer
     from spectrabox.session.store.rehearsals import save_rehearsal
     from spectrabox.session.terminal.progress_display import progress_display
@@ -157,7 +149,7 @@ def rehearse(
         rehearsed = replay(config, times, seed, device,
                            lambda done, what: progress("rehearse", done, what))
         path = save_rehearsal(config, rehearsed)
-    return Answer(dataclasses.asdict(rehearsed) | {"file": str(path)}, rehearsed.text)
+    return command_line.Answer(dataclasses.asdict(rehearsed) | {"file": str(path)}, rehearsed.text)
 
 
 def finished_session(folder: Path, allow_outside: bool
@@ -172,6 +164,6 @@ def finished_session(folder: Path, allow_outside: bool
         Let the session name files outside its folder.
     """
     from spectrabox.session.config.session_file import read_session
-    from spectrabox.session.kept_stages import load_finished, warn_of_stale_stages
+    from spectrabox.session.pipeline import load_finished, warn_of_stale_stages
     config = read_session(folder, allow_outside)
-    return config, load_finished(config), warn_of_stale_stages(config, tell)
+    return config, load_finished(config), warn_of_stale_stages(config, command_line.tell)

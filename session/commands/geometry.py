@@ -8,17 +8,8 @@ import typer
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.commands.lamp import beam, light
+from spectrabox.session.terminal import command_line
 from spectrabox.session.terminal.command_help import Commands
-from spectrabox.session.terminal.command_line import (
-    Answer,
-    Command,
-    Folder,
-    Force,
-    Outside,
-    check_ending,
-    require_new,
-)
-from spectrabox.session.terminal.json_values import to_json
 
 if TYPE_CHECKING:
     import numpy as np
@@ -46,31 +37,31 @@ def register(app: typer.Typer) -> None:
     app.add_typer(group, name="geometry")
 
 
-@Command
+@command_line.Command
 def board(
     board_file: PrintedBoard,
     out: Annotated[Path, typer.Option(
         "--out", "-o", metavar="PNG", show_default=False, help="Where to write the board.")],
     square_px: Annotated[int, typer.Option(min=40, max=4000,
                                            help="Width of a square in the picture.")] = 200,
-    force: Force = False,
-) -> Answer:
+    force: command_line.Force = False,
+) -> command_line.Answer:
     """Draw a ChArUco board for printing; measure its squares on the print."""
     from spectrabox.calibrate.geometry.board import read_board
     from spectrabox.calibrate.geometry.projection import board_picture
     from spectrabox.capture.photo.image_writers import write_png
     from spectrabox.radiometry.files import writable
-    check_ending(out, {".png": "a picture of the board"})
-    require_new(out, force, board_file)
+    command_line.check_ending(out, {".png": "a picture of the board"})
+    command_line.require_new(out, force, board_file)
     picture = board_picture(read_board(board_file), square_px)
     with writable(out.parent):
         write_png(out, picture[..., None].repeat(3, axis=2))
-    return Answer({"out": out, "size": picture.shape[::-1]},
+    return command_line.Answer({"out": out, "size": picture.shape[::-1]},
                   f"wrote {out}: print it without scaling, glue it flat, then measure "
                   f"squares and markers and write their widths into {board_file.name}")
 
 
-@Command
+@command_line.Command
 def lens(
     photos: Annotated[tuple[Path, ...], typer.Argument(
         metavar="PHOTO...", show_default=False, help="Of the board, tilted in different ways.")],
@@ -79,8 +70,8 @@ def lens(
         "--out", "-o", metavar="lens.json", show_default=False, help="Where to write the lens.")],
     overlay: Annotated[Path | None, typer.Option(
         metavar="DIR", help="Write each photo with its corners.")] = None,
-    force: Force = False,
-) -> Answer:
+    force: command_line.Force = False,
+) -> command_line.Answer:
     """Measure focal length, principal point and distortion on photos of a ChArUco board, with
     standard errors.
     """
@@ -88,8 +79,8 @@ def lens(
     from spectrabox.calibrate.geometry.lens import lens_facts, write_lens
     from spectrabox.calibrate.geometry.projection import find_board, lens_from_views
     from spectrabox.radiometry.errors import CheckError
-    check_ending(out, {".json": "the lens"})
-    require_new(out, force, *photos, board_file)
+    command_line.check_ending(out, {".json": "the lens"})
+    command_line.require_new(out, force, *photos, board_file)
     printed = read_board(board_file)
     views, names, skipped, sizes = [], [], [], {}
     for photo in photos:
@@ -118,12 +109,12 @@ def lens(
     facts = {**lens_facts(estimate), "out": out, "skipped": skipped,
              "views": [{"photo": name, "corners": len(view[1]), "rms_px": float(rms)}
                        for name, view, rms in zip(names, views, by_view, strict=True)]}
-    return Answer(facts, "\n".join([
+    return command_line.Answer(facts, "\n".join([
       *_lens_lines(estimate), *skipped,
       f"wrote {out}: it holds for this zoom, focus and size of photo"]))
 
 
-@Command
+@command_line.Command
 def pose(
     photo: Photo,
     scene: Annotated[Path, typer.Option(
@@ -138,8 +129,8 @@ def pose(
     lens_file: LensFile = None,
     overlay: Annotated[Path | None, typer.Option(
         metavar="PNG", help="Write the photo with the points given and reprojected.")] = None,
-    force: Force = False,
-) -> Answer:
+    force: command_line.Force = False,
+) -> command_line.Answer:
     """Place the camera in the scene, from a ChArUco board or known points such as a box's
     corners.
     """
@@ -151,12 +142,12 @@ def pose(
         mitsuba_sensor,
         read_lens,
     )
-    from spectrabox.calibrate.geometry.pose import FLAT, pose_and_focal_length, pose_from_points
-    from spectrabox.calibrate.geometry.projection import spread
+    from spectrabox.calibrate.geometry.pose import pose_and_focal_length, pose_from_points
+    from spectrabox.calibrate.geometry.projection import FLAT, spread
     from spectrabox.radiometry.files import write_text_whole
     from spectrabox.reconstruct.scene.edit_scene import Refinement, rounded, scene_with_camera
-    check_ending(out, {".xml": "the scene with this camera"})
-    require_new(out, force, photo, points_file, board_file,
+    command_line.check_ending(out, {".xml": "the scene with this camera"})
+    command_line.require_new(out, force, photo, points_file, board_file,
                 lens_file)
     image = _open(photo)
     names, positions, points = _known_points(image, points_file, board_file)
@@ -181,21 +172,29 @@ def pose(
     flat = points_file is not None and spread(positions)[2] < FLAT
     misses = dict(zip(names, np.linalg.norm(camera_pose.residuals_px, axis=1).tolist(),
                       strict=True))
-    facts = {"out": out, **to_json(position), "rms_px": camera_pose.rms_px,
+    facts = {"out": out, **command_line.to_json(position), "rms_px": camera_pose.rms_px,
              "residuals_px": misses, "camera": camera, "lens": lens_facts(used),
              "in_one_plane": bool(flat)}
-    return Answer(facts, "\n".join(_pose_lines(position, misses, camera_pose.rms_px, used,
-                                               out, lens_file is None, bool(flat))))
+    return command_line.Answer(
+        facts, "\n".join(
+            _pose_lines(position, misses, camera_pose.rms_px, used, out, lens_file is None,
+                        bool(flat))))
 
 
-@Command
-def box(folder: Folder, allow_outside: Outside = False) -> Answer:
+@command_line.Command
+def box(folder: command_line.Folder,
+        allow_outside: command_line.Outside = False) -> command_line.Answer:
     """Draw a session's measured box over its photos, and write the scenes made of it."""
     from spectrabox.measure.captured import FIRST_PHOTO
     from spectrabox.measure.scene.box_camera import box_camera
     from spectrabox.measure.shoot.captures import box_photo
-    from spectrabox.session.box.box_overlay import box_texts, box_views, write_overlays
-    from spectrabox.session.box.camera_facts import camera_facts, camera_text
+    from spectrabox.session.box.box_overlay import (
+        box_texts,
+        box_views,
+        camera_facts,
+        camera_text,
+        write_overlays,
+    )
     from spectrabox.session.box.scenes import write_box_scenes
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.store.locks import outputs_writer
@@ -209,13 +208,13 @@ def box(folder: Folder, allow_outside: Outside = False) -> Answer:
         written = [*write_box_scenes(config, box_texts(config)), *write_overlays(config)]
     by_view = {name: camera_facts(camera) for name, camera in cameras.items()}
     facts = {"files": written, **by_view[FIRST_PHOTO], "views": by_view}
-    return Answer(facts, "\n".join([
+    return command_line.Answer(facts, "\n".join([
       *(line for name, camera in cameras.items()
         for line in camera_text(name if len(cameras) > 1 else "", camera)),
       *(f"wrote {path}" for path in written)]))
 
 
-@Command
+@command_line.Command
 def undistort(
     photo: Annotated[Path, typer.Argument(
         metavar="PHOTO", show_default=False, help="Camera raw, DNG, or linear EXR or TIFF.")],
@@ -224,23 +223,23 @@ def undistort(
         help="From 'spectrabox geometry lens'.")],
     out: Annotated[Path, typer.Option(
         "--out", "-o", metavar="OUT.exr", show_default=False, help="Where to write the photo.")],
-    force: Force = False,
-) -> Answer:
+    force: command_line.Force = False,
+) -> command_line.Answer:
     """Take the lens's distortion out of a photo: a linear EXR with its variance."""
     from spectrabox.calibrate.geometry.lens import read_lens
     from spectrabox.calibrate.geometry.projection import undistorted
     from spectrabox.capture.photo.image_writers import write_linear_exr
     from spectrabox.capture.photo.linear import open_photo
-    from spectrabox.capture.photo.orientation import photo_orientation
+    from spectrabox.capture.photo.preview import photo_orientation
     from spectrabox.radiometry.files import writable
-    check_ending(out, {".exr": "the signal in floating point"})
-    require_new(out, force, photo)
+    command_line.check_ending(out, {".exr": "the signal in floating point"})
+    command_line.require_new(out, force, photo)
     image = open_photo(photo)
     straight = undistorted(image, read_lens(lens_file))
     with writable(out.parent):
         write_linear_exr(out, straight, photo_orientation(photo))
     lost = float(straight.saturated.all(axis=2).mean() - image.saturated.all(axis=2).mean())
-    return Answer({"out": out,
+    return command_line.Answer({"out": out,
                    "size": [straight.signal.shape[1], straight.signal.shape[0]],
                    "outside_fraction": max(lost, 0.0)},
                   f"wrote {out}: {straight.signal.shape[1]} x {straight.signal.shape[0]} "

@@ -7,16 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from spectrabox.radiometry.errors import ConvergenceError, InputError
-from spectrabox.session.terminal.command_line import (
-    Answer,
-    Command,
-    Device,
-    Force,
-    Json,
-    check_ending,
-    require_new,
-)
-from spectrabox.session.terminal.json_values import to_json
+from spectrabox.session.terminal import command_line
 
 if TYPE_CHECKING:
     from spectrabox.calibrate.geometry.lens import Lens
@@ -35,7 +26,7 @@ UndistortLens = Annotated[Path | None, typer.Option(
     "--lens", metavar="lens.json", help="Undistort the photo with this lens first.")]
 
 
-@Command
+@command_line.Command
 def light(
     photo: Annotated[Path, typer.Argument(
         metavar="PHOTO", show_default=False, help="Camera raw, DNG, or linear EXR or TIFF, as the "
@@ -60,17 +51,17 @@ def light(
         min=16, max=1024, help="Width of the rendered view in pixels.")] = 96,
     spp: Annotated[int, typer.Option(min=1, help="Paths per pixel of each rendering.")] = 256,
     seed: Annotated[int, typer.Option(min=0, help="Random seed of the paths.")] = 1,
-    force: Force = False,
-    device: Device = "auto",
-    as_json: Json = False,
-) -> Answer:
+    force: command_line.Force = False,
+    device: command_line.Device = "auto",
+    as_json: command_line.Json = False,
+) -> command_line.Answer:
     """Refine the position of a light, from a photo of surfaces of known reflectance."""
-    from spectrabox.capture.photo.binning import bin_image, render_size
     from spectrabox.capture.photo.linear import open_photo
+    from spectrabox.capture.photo.preview import bin_image, render_size
     from spectrabox.radiometry.files import write_text_whole
     from spectrabox.radiometry.grid import visible_grid
+    from spectrabox.radiometry.interreflection import response_matrix
     from spectrabox.radiometry.records.spectra import Outcome
-    from spectrabox.radiometry.response import response_matrix
     from spectrabox.radiometry.spectra.named_spectra import light as spectrum_of_light
     from spectrabox.radiometry.spectra.named_spectra import sensitivities
     from spectrabox.radiometry.spectra.spectrum_files import read_reflectances
@@ -85,8 +76,8 @@ def light(
     from spectrabox.reconstruct.scene.light_position import PositionSettings, refine_light_position
     from spectrabox.reconstruct.scene.scene_file import read_scene, require_same_shape
     from spectrabox.session.terminal.progress_display import progress_display
-    check_ending(out, {".xml": "the scene with the light moved"})
-    require_new(out, force, photo, reflectances)
+    command_line.check_ending(out, {".xml": "the scene with the light moved"})
+    command_line.require_new(out, force, photo, reflectances)
     grid = visible_grid()
     written = read_scene(scene)
     number = light_number(written, light_id)
@@ -114,9 +105,9 @@ def light(
         moved=rounded(estimate.offset), standard_error=rounded(estimate.standard_error))
     write_text_whole(out, scene_with_light_moved(
         scene, number, estimate.offset, out.parent, refinement))
-    facts = to_json(estimate)
+    facts = command_line.to_json(estimate)
     facts["steps"] = len(facts.pop("offsets")) - 1
-    return Answer({**facts, "out": out},
+    return command_line.Answer({**facts, "out": out},
                   _light_text(estimate, out, is_of_box(scene)),
                   ConvergenceError.exit_code if estimate.outcome is Outcome.STEP_LIMIT else 0)
 
@@ -140,7 +131,7 @@ def _light_text(estimate: LightPosition, out: Path, of_box: bool) -> str:
     return "\n".join([*lines, texts.sentence(estimate.outcome.finding()), f"wrote {out}"])
 
 
-@Command
+@command_line.Command
 def beam(
     photo: Annotated[Path, typer.Argument(
         metavar="PHOTO", show_default=False, help="Camera raw, DNG, or linear EXR or TIFF of the "
@@ -157,16 +148,16 @@ def beam(
     flat_field: Annotated[Path | None, typer.Option(
         metavar="PHOTO", help="Evenly lit white card: takes the lens's own fall-off out.")] = None,
     lens_file: UndistortLens = None,
-    force: Force = False,
-) -> Answer:
+    force: command_line.Force = False,
+) -> command_line.Answer:
     """Measure how a lamp's radiance falls off with the angle, on a photo of a white wall."""
     from spectrabox.calibrate.lamp_beam import fit_beam, read_wall, wall_cells
     from spectrabox.capture.develop.developed import develop_photos
-    from spectrabox.capture.photo.binning import bin_image, render_size
+    from spectrabox.capture.photo.preview import bin_image, render_size
     from spectrabox.radiometry.files import write_text_whole
-    from spectrabox.reconstruct.scene.light_profile import profile_text
-    check_ending(out, {".csv": "radiance by angle"})
-    require_new(out, force, photo, wall_file, flat_field,
+    from spectrabox.reconstruct.scene.scene_file import profile_text
+    command_line.check_ending(out, {".csv": "radiance by angle"})
+    command_line.require_new(out, force, photo, wall_file, flat_field,
                 lens_file, *dark)
     wall = read_wall(wall_file)
     image, _ = develop_photos([photo], dark, flat_field)
@@ -177,7 +168,7 @@ def beam(
     profile = fit_beam(wall_cells(image, wall, lens), wall)
     write_text_whole(out, profile_text(profile.angle_deg, profile.radiance,
                                        profile.standard_error))
-    return Answer({"out": out, **to_json(profile)},
+    return command_line.Answer({"out": out, **command_line.to_json(profile)},
                   "\n".join(_beam_lines(profile, out, flat_field is not None)))
 
 

@@ -12,14 +12,8 @@ import typer
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.system.words import is_whole_number
+from spectrabox.session.terminal import command_line
 from spectrabox.session.terminal.command_help import Commands
-from spectrabox.session.terminal.command_line import (
-    Answer,
-    ChartLayout,
-    Command,
-    Folder,
-    check_ending,
-)
 
 if TYPE_CHECKING:
     from spectrabox.capture.meter.instruments.interface import MeterSettings
@@ -50,33 +44,35 @@ def register(app: typer.Typer) -> None:
     app.add_typer(meter)
 
 
-@Command
-def list_of_ports() -> Answer:
+@command_line.Command
+def list_of_ports() -> command_line.Answer:
     """List the serial ports of this computer, without opening any."""
     from spectrabox.capture.meter.serial_line import list_ports
     ports = list_ports()
     lines = [f"{each.port:<16} {each.usb or '':<10} {each.manufacturer or ''} "
              f"{each.description or ''}" for each in ports]
-    return Answer({"ports": ports},
+    return command_line.Answer({"ports": ports},
                   "\n".join(lines) or "no serial ports: plug the instrument in and switch it on")
 
 
-@Command
-def identify(port: Port, instrument: Meter) -> Answer:
+@command_line.Command
+def identify(port: Port, instrument: Meter) -> command_line.Answer:
     """Ask the instrument who it is, then leave it as found."""
     from spectrabox.capture.meter.measurement import trusted_identity
     from spectrabox.session.meters.readers import operated_instrument
     with operated_instrument(instrument, port, lambda direction, data: None) as meter:
         identity = trusted_identity(meter)
-    return Answer({"instrument": identity.model, "serial_number": identity.serial_number,
-                   "firmware": identity.firmware, "port": port},
-                  f"{identity.model}, serial number {identity.serial_number}, firmware "
-                  f"{identity.firmware or 'not stated'}")
+    return command_line.Answer(
+        {
+            "instrument": identity.model, "serial_number": identity.serial_number, "firmware":
+            identity.firmware, "port": port
+        }, f"{identity.model}, serial number {identity.serial_number}, firmware "
+        f"{identity.firmware or 'not stated'}")
 
 
-@Command
+@command_line.Command
 def measure(
-    folder: Folder,
+    folder: command_line.Folder,
     port: Annotated[str | None, typer.Option(
         metavar="PORT", show_default=False,
         help="Such as /dev/ttyACM0 or COM3; see 'spectrabox meter list'. With "
@@ -93,7 +89,7 @@ def measure(
         "white standard.")] = "light",
     name: Annotated[str | None, typer.Option(
         metavar="NAME", help="Of a paint: its file becomes spectra/NAME.csv.")] = None,
-    layout: ChartLayout = "",
+    layout: command_line.ChartLayout = "",
     repeat: Annotated[int, typer.Option(min=1, max=999, help="Readings of each thing.")] = 1,
     integration_ms: Annotated[float | None, typer.Option(
         min=0.1, help="Fixed exposure in milliseconds; automatic by default.")] = None,
@@ -117,16 +113,15 @@ def measure(
         "CR30 is held on.")] = True,
     draw: Drawn = False,
     plot: Png = None,
-) -> Answer:
+) -> command_line.Answer:
     """Measure into a session. Every reading is on disk before it is shown; a broken series goes on
     where it stopped.
     """
-    check_ending(plot, {".png": "a picture of the spectrum"}, "--plot")
+    command_line.check_ending(plot, {".png": "a picture of the spectrum"}, "--plot")
     from spectrabox.capture.meter.instruments.interface import MeterSettings
     from spectrabox.capture.meter.measurement_files import claim
-    from spectrabox.capture.meter.meter_calibration import read_calibration
-    from spectrabox.session.meters.measuring import Task, measure_all
-    from spectrabox.session.meters.results import series_of_all, write_result
+    from spectrabox.capture.meter.measurement_series import read_calibration
+    from spectrabox.session.meters.measuring import Task, measure_all, series_of_all, write_result
     chart = _chart(role, layout)
     names = _names(role, name, chart)
     wanted = MeterSettings(integration_ms, averages, sync_hz)
@@ -146,14 +141,14 @@ def measure(
     written, spectrum = write_result(task, white_reflectance, factors)
     series = series_of_all(task, factors)
     if plot is not None:
-        from spectrabox.capture.meter.measurement_plot import png_plot
+        from spectrabox.capture.meter.measurement_files import png_plot
         png_plot(spectrum, plot)
-    return Answer({"taken": len(readings), "file": written,
+    return command_line.Answer({"taken": len(readings), "file": written,
                    "series": [_series_facts(each) for each in series], "png": plot},
                   _measured_text(written, role, series, spectrum if draw else None))
 
 
-@Command
+@command_line.Command
 def replay(
     transcript: Annotated[Path, typer.Argument(
         metavar="FILE", show_default=False, help="A transcript.")],
@@ -164,17 +159,17 @@ def replay(
         "each.")] = None,
     draw: Drawn = False,
     plot: Png = None,
-) -> Answer:
+) -> command_line.Answer:
     """Play a recorded transcript to the driver's own code and show what it reads."""
-    check_ending(out, {".csv": "the spectra"})
-    check_ending(plot, {".png": "a picture of the spectrum"}, "--plot")
+    command_line.check_ending(out, {".csv": "the spectra"})
+    command_line.check_ending(plot, {".png": "a picture of the spectrum"}, "--plot")
+    from spectrabox.capture.transcripts.player import replay_transcript
     from spectrabox.capture.transcripts.sniffed_traffic import read_recording
-    from spectrabox.capture.transcripts.transcript_replay import replay_transcript
     from spectrabox.session.meters.measuring import reading_line, shown_reading
     played = replay_transcript(read_recording(transcript), speed=speed)
     spectra = [reading.spectrum for reading in played.readings if reading.spectrum is not None]
     if plot is not None and spectra:
-        from spectrabox.capture.meter.measurement_plot import png_plot
+        from spectrabox.capture.meter.measurement_files import png_plot
         png_plot(spectra[-1], plot)
     facts = {"instrument": played.instrument, "synthetic": played.synthetic,
              "problems": list(played.problems),
@@ -188,9 +183,9 @@ def replay(
     if played.synthetic:
         lines += ["synthetic: built from protocol notes, not recorded from an instrument"]
     if draw and spectra:
-        from spectrabox.capture.meter.measurement_plot import text_plot
+        from spectrabox.capture.meter.measurement_files import text_plot
         lines.append(text_plot(spectra[-1]))
-    return Answer(facts, "\n".join(lines))
+    return command_line.Answer(facts, "\n".join(lines))
 
 
 def _write_spectra(path: Path, spectra: Sequence[Spectrum], source: str) -> None:
@@ -281,7 +276,7 @@ def _series_facts(series: SeriesSummary) -> dict[str, Any]:
 def _measured_text(written: Path, role: str, series: list[SeriesSummary],
                    spectrum: Spectrum | None) -> str:
     from spectrabox.measure import texts
-    from spectrabox.session.meters.results import USES
+    from spectrabox.session.meters.measuring import USES
     lines = []
     for each in series:
         spread = "" if each.relative_spread is None else \
@@ -289,6 +284,6 @@ def _measured_text(written: Path, role: str, series: list[SeriesSummary],
         lines.append(f"{each.name}: {each.readings} readings of {each.quantity}{spread}")
         lines += [f"- {texts.says(finding)}" for finding in each.findings]
     if spectrum is not None:
-        from spectrabox.capture.meter.measurement_plot import text_plot
+        from spectrabox.capture.meter.measurement_files import text_plot
         lines.append(text_plot(spectrum))
     return "\n".join([*lines, f"wrote {written}: {USES[role]}"])

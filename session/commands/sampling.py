@@ -11,26 +11,8 @@ import typer
 from spectrabox.measure.signals.options import SampleOptions
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.spectra.light_words import DELTA_LIGHTS
-from spectrabox.session.commands.requests import (
-    OBSERVER,
-    Baseline,
-    Coefficients,
-    Families,
-    MeasuredSignal,
-    OptionalLight,
-    OptionalSensitivity,
-    PriorFile,
-    Seed,
-    UpliftRequest,
-)
-from spectrabox.session.terminal.command_line import (
-    Answer,
-    Command,
-    Json,
-    Outside,
-    UsageProblem,
-    check_ending,
-)
+from spectrabox.session.commands import requests
+from spectrabox.session.terminal import command_line
 
 if TYPE_CHECKING:
     import numpy as np
@@ -45,13 +27,13 @@ def register(app: typer.Typer) -> None:
         app.command()(function)
 
 
-@Command
+@command_line.Command
 def sample(
-    measured: MeasuredSignal,
-    prior: PriorFile = None,
-    family: Families = (),
-    sensitivity: OptionalSensitivity = None,
-    light: OptionalLight = None,
+    measured: requests.MeasuredSignal,
+    prior: requests.PriorFile = None,
+    family: requests.Families = (),
+    sensitivity: requests.OptionalSensitivity = None,
+    light: requests.OptionalLight = None,
     srgb: Annotated[str | None, typer.Option(
         "--srgb", metavar="R,G,B|#RRGGBB",
         help="In place of --signal, --sensitivity and --light: a colour of a screen or a web "
@@ -65,13 +47,13 @@ def sample(
     signals: Annotated[Path | None, typer.Option(
         metavar="CSV", help="Many signals: a header that names the bands, a row for each, with its "
         "name first or without.")] = None,
-    coefficients: Coefficients = SampleOptions.coefficients,
+    coefficients: requests.Coefficients = SampleOptions.coefficients,
     method: Annotated[str, typer.Option(
         metavar="prior|uniform|paper", help="How spectra are drawn: by the learnt prior, uniformly "
         "among all that fit, or as the paper draws them.")] = SampleOptions.method,
     samples: Annotated[int, typer.Option(
         help="Draws of each signal; 1000 at least for a 95 % band.")] = SampleOptions.samples,
-    seed: Seed = SampleOptions.seed,
+    seed: requests.Seed = SampleOptions.seed,
     out: Annotated[Path | None, typer.Option(
         "--out", "-o", metavar="NPZ|CSV", help="Where to write the draws (.npz), or means and "
         "bands (.csv).")] = None,
@@ -93,28 +75,31 @@ def sample(
         help="Relative standard error of the light scale.")] = 0.0,
     sensitivity_error: Annotated[float, typer.Option(
         help="Relative standard error of each curve.")] = 0.0,
-    baseline: Baseline = False,
+    baseline: requests.Baseline = False,
     truth: Annotated[Path | None, typer.Option(
         help="File of the measured spectrum, to judge by.")] = None,
     column: Annotated[str | None, typer.Option(
         metavar="NAME", help="Column of the truth.")] = None,
-    as_json: Json = False,
-) -> Answer:
+    as_json: command_line.Json = False,
+) -> command_line.Answer:
     """Recover the spectra behind a colour: mean, 95 % band, exact bounds and draws."""
-    check_ending(out, {".npz": "the draws", ".csv": "means and bands"})
-    check_ending(plot, {".png": "a picture of means and bands"}, "--plot")
+    command_line.check_ending(out, {".npz": "the draws", ".csv": "means and bands"})
+    command_line.check_ending(plot, {".png": "a picture of means and bands"}, "--plot")
     colours = [(kind, text) for kind, text in (("srgb", srgb), ("lab", lab), ("xyz", xyz))
                if text is not None]
     if not colours and None in (sensitivity, light):
-        raise UsageProblem("give --sensitivity and --light, the camera that saw the signal and the "
-                           "light it was seen under; or a colour as --lab L,A,B, --xyz X,Y,Z or "
-                           "--srgb R,G,B")
+        raise command_line.UsageProblem(
+            "give --sensitivity and --light, the camera that saw the signal and the "
+            "light it was seen under; or a colour as --lab L,A,B, --xyz X,Y,Z or "
+            "--srgb R,G,B")
     if srgb is not None and (sensitivity or light or measured.white):
-        raise UsageProblem("--srgb is a colour under D65; leave --sensitivity, --light and --white "
-                           "out")
+        raise command_line.UsageProblem(
+            "--srgb is a colour under D65; leave --sensitivity, --light and --white "
+            "out")
     if colours and (sensitivity or measured.white):
-        raise UsageProblem(f"--{colours[0][0]} is what the CIE observer sees, relative to white; "
-                           "leave --sensitivity and --white out")
+        raise command_line.UsageProblem(
+            f"--{colours[0][0]} is what the CIE observer sees, relative to white; "
+            "leave --sensitivity and --white out")
     if len(colours) + [measured.signal is None, signals is None].count(False) != 1:
         raise InputError("give one of --signal V1,V2,V3, --signals FILE.csv, --lab L,A,B, "
                          "--xyz X,Y,Z and --srgb R,G,B")
@@ -124,9 +109,9 @@ def sample(
                          "--signal, not --signals")
     from spectrabox.measure.estimate import columns_of, draws_of
     from spectrabox.measure.signals.sample import compared, sample_signals
-    from spectrabox.session.signals.signal_capture import signal_capture, stated_truth
+    from spectrabox.session.signals.advise_answer import signal_capture, stated_truth
     capture = signal_capture(
-        measured, signals, colours[0] if colours else None, sensitivity or OBSERVER,
+        measured, signals, colours[0] if colours else None, sensitivity or requests.OBSERVER,
         light or "D65", twice=twice, light_error=light_error, sensitivity_error=sensitivity_error,
         prior=prior, family=family)
     true = None if truth is None else stated_truth(truth, column)
@@ -152,29 +137,31 @@ def sample(
         else:
             write_arrays(out, draws_of(estimates))
     if plot is not None:
-        from spectrabox.session.signals.sample_plot import write_plot
+        from spectrabox.session.signals.advise_answer import write_plot
         written["plot"] = plot
         write_plot(plot, estimates)
     if one:
-        return Answer(facts[0] | written, texts[0])
-    return Answer({"results": facts, **written}, "\n\n".join(
+        return command_line.Answer(facts[0] | written, texts[0])
+    return command_line.Answer({"results": facts, **written}, "\n\n".join(
         f"signal {estimate.name}\n{text}"
         for estimate, text in zip(estimates, texts, strict=True)))
 
 
-@Command
-def uplift(request: UpliftRequest) -> Answer:
+@command_line.Command
+def uplift(request: requests.UpliftRequest) -> command_line.Answer:
     """Recover the spectrum behind every pixel: mean and spread, as EXR, ENVI or OME-Zarr."""
     out = request.out
     if out.suffix.lower() in (".exr", ".hdr", ".img"):
         raise typer.BadParameter(f"{out.name} is the name of a file; a folder is needed, into "
                                  "which mean and standard deviation go", param_hint="--out")
     if request.encoded and (request.sensitivity or request.light or request.white):
-        raise UsageProblem("--encoded is a picture in sRGB, what the CIE observer sees under D65; "
-                           "leave --sensitivity, --light and --white out")
+        raise command_line.UsageProblem(
+            "--encoded is a picture in sRGB, what the CIE observer sees under D65; "
+            "leave --sensitivity, --light and --white out")
     if not request.encoded and None in (request.sensitivity, request.light):
-        raise UsageProblem("give --sensitivity and --light, the camera that took the picture and "
-                           "the light it was taken under; or --encoded of a PNG or JPEG in sRGB")
+        raise command_line.UsageProblem(
+            "give --sensitivity and --light, the camera that took the picture and "
+            "the light it was taken under; or --encoded of a PNG or JPEG in sRGB")
     from spectrabox.session.signals.uplift_answer import stated_white, uplift_answer
     from spectrabox.session.terminal.progress_display import progress_display, with_time_left
     request, white_from, chart = stated_white(request)
@@ -189,18 +176,18 @@ def uplift(request: UpliftRequest) -> Answer:
     if chart is not None:
         text += (f"\nwarning: {chart.doubt}" if chart.doubt else "\nthe chart's patches agree with "
                  f"camera and light within {chart.residual:.1%} rms")
-    return Answer(facts | {
+    return command_line.Answer(facts | {
         "white": white, "white_from": white_from,
         "chart_residual": None if chart is None else chart.residual,
         "warnings": [chart.doubt] if chart is not None and chart.doubt else []}, text)
 
 
-@Command
+@command_line.Command
 def match(
     *,
     folder: Annotated[Path, typer.Argument(
         metavar="SESSION", help="The folder of a finished session.", show_default=False)],
-    allow_outside: Outside = False,
+    allow_outside: command_line.Outside = False,
     library: Annotated[tuple[str, ...], typer.Argument(
         metavar="LIBRARY...", help="Files of reflectances of any format, folders of them, or "
         "published sets: \"CES99\", \"BabelColor Average\" ...", show_default=False)],
@@ -212,7 +199,7 @@ def match(
     ratio: Annotated[float | None, typer.Option(
         help="A spectrum counts as not told apart from the best while its evidence is at most so "
         "many times lower; by default the true one is kept 19 times in 20.")] = None,
-) -> Answer:
+) -> command_line.Answer:
     """List the measured spectra of a library that could be each surface, and how many of them the
     camera cannot tell apart.
     """
@@ -221,7 +208,7 @@ def match(
     from spectrabox.sampling.evaluation.identification import read_spectral_libraries
     from spectrabox.sampling.prior.mixture import load_prior, of_families
     from spectrabox.session.config.session_file import read_session
-    from spectrabox.session.kept_stages import load_finished
+    from spectrabox.session.pipeline import load_finished
     config = read_session(folder, allow_outside)
     signals = load_finished(config).records.signals
     unknown = [name for name, known in zip(signals.names, signals.known, strict=True) if not known]
@@ -241,12 +228,12 @@ def match(
     texts = [_match_text(match) for match in matches.surfaces]
     if left_out := matches.left_out(LEFT_OUT_NAMED):
         texts.append("\n".join(left_out))
-    return Answer(matches.facts(), "\n\n".join(texts))
+    return command_line.Answer(matches.facts(), "\n\n".join(texts))
 
 
 def _match_text(match: SurfaceMatch) -> str:
     from spectrabox.measure.signals.matching import HEADINGS
-    from spectrabox.measure.tables import text_table
+    from spectrabox.measure.words import text_table
     lines = [text_table(HEADINGS, match.rows(MATCHES_SHOWN), text=("spectrum", "library", ""),
                         title=match.surface), match.says]
     hidden = sum(each.indistinguishable for each in match.matches[MATCHES_SHOWN:])

@@ -10,19 +10,11 @@ import typer
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.session.commands.finished import finished_session
-from spectrabox.session.terminal.command_line import (
-    Answer,
-    Command,
-    Device,
-    Folder,
-    Outside,
-    Quiet,
-    tell,
-)
+from spectrabox.session.terminal import command_line
 
 if TYPE_CHECKING:
     from spectrabox.session.config.session_file import SessionConfig
-    from spectrabox.session.kept_stages import FinishedRun
+    from spectrabox.session.pipeline import FinishedRun
     from spectrabox.session.terminal.progress_display import StageProgress
 
 STAGE_NAMES = "chart, photo, calibrate, signals (of a scene reconstruct), sample, picture"
@@ -35,7 +27,7 @@ def register(app: typer.Typer) -> None:
     app.command(name="open")(open_page)
 
 
-@Command
+@command_line.Command
 def demo(
     folder: Annotated[Path | None, typer.Argument(
         metavar="[DIR]", help="Where to write it; by default demo-session, with --flat demo-flat, "
@@ -45,8 +37,8 @@ def demo(
     picture: Annotated[bool, typer.Option(
         "--picture", help="A box with painted patterns: a spectrum for every pixel.")] = False,
     seed: Annotated[int, typer.Option(help="Random seed of the synthetic photos.")] = 1,
-    device: Device = "auto",
-) -> Answer:
+    device: command_line.Device = "auto",
+) -> command_line.Answer:
     """Make a synthetic capture session with known truth, run it, write its report."""
     if flat and picture:
         raise InputError("--flat and --picture are two demos; run one after the other")
@@ -58,14 +50,14 @@ def demo(
     return run_session(folder, device=device)
 
 
-@Command
+@command_line.Command
 def new(
-    folder: Folder,
+    folder: command_line.Folder,
     template: Annotated[str | None, typer.Option(
         metavar="box|flat|turntable|views", help="A filled-in session: a box measured with a tape, "
         "flat samples beside a chart, objects on a turntable, one box under several "
         "lights.")] = None,
-) -> Answer:
+) -> command_line.Answer:
     """Start a session folder with a commented session.toml."""
     from spectrabox.radiometry.files import writable
     from spectrabox.session.config.session_file import FILE_NAME
@@ -80,15 +72,16 @@ def new(
         for name in ("photos", "spectra", "scene"):
             (folder / name).mkdir(parents=True, exist_ok=True)
     written = write_template(folder, template)
-    return Answer({"session": str(written)},
+    return command_line.Answer({"session": str(written)},
                   f"wrote {written}: fill it in, then run 'spectrabox check {folder}'")
 
 
-@Command
-def check(folder: Folder, allow_outside: Outside = False) -> Answer:
+@command_line.Command
+def check(folder: command_line.Folder,
+          allow_outside: command_line.Outside = False) -> command_line.Answer:
     """Check a session before a run: read every input, and list everything that is wrong."""
-    from spectrabox.radiometry.spectra.kept_cameras import known_camera_words
-    from spectrabox.radiometry.system.free_memory import free_memory
+    from spectrabox.radiometry.spectra.cameras import known_camera_words
+    from spectrabox.radiometry.system.archives import free_memory
     from spectrabox.session.problems import check_session
     checked = check_session(folder, allow_outside)
     problems = checked.problems
@@ -105,31 +98,32 @@ def check(folder: Folder, allow_outside: Outside = False) -> Answer:
              "known_camera": checked.known_camera}
     if problems:        # the keys that every command answers an error with
         facts |= {"error": "\n".join(sentences), "exit_code": exit_code}
-    return Answer(facts, text, exit_code)
+    return command_line.Answer(facts, text, exit_code)
 
 
-@Command
+@command_line.Command
 def run(
-    folder: Folder,
-    allow_outside: Outside = False,
+    folder: command_line.Folder,
+    allow_outside: command_line.Outside = False,
     only: Annotated[str | None, typer.Option(
         metavar="STAGE,...", help=f"These stages alone: {STAGE_NAMES}.")] = None,
     until: Annotated[str | None, typer.Option(
         metavar="STAGE", help="Run up to this stage, and write no report.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Run also what is up to date.")] = False,
-    device: Device = "auto",
-    quiet: Quiet = False,
-) -> Answer:
+    device: command_line.Device = "auto",
+    quiet: command_line.Quiet = False,
+) -> command_line.Answer:
     """Run every stage whose inputs changed, and write the report."""
     return run_session(folder, allow_outside, only=only, until=until, force=force, device=device,
                        quiet=quiet)
 
 
-@Command
-def status(folder: Folder, allow_outside: Outside = False) -> Answer:
+@command_line.Command
+def status(folder: command_line.Folder,
+           allow_outside: command_line.Outside = False) -> command_line.Answer:
     """Show which stages are done, which are out of date, and why."""
     from spectrabox.session.config.session_file import read_session
-    from spectrabox.session.kept_stages import stage_states, states_without_inputs
+    from spectrabox.session.pipeline import stage_states, states_without_inputs
     config, fault = read_session(folder, allow_outside), None
     try:
         states = stage_states(config)
@@ -145,12 +139,12 @@ def status(folder: Folder, allow_outside: Outside = False) -> Answer:
                         for state in states],
              "report": str(report) if report.exists() else None}
     if fault is None:
-        return Answer(facts, "\n".join(lines))
-    return Answer(facts | {"error": str(fault), "exit_code": fault.exit_code},
+        return command_line.Answer(facts, "\n".join(lines))
+    return command_line.Answer(facts | {"error": str(fault), "exit_code": fault.exit_code},
                   "\n".join([*lines, str(fault)]), fault.exit_code)
 
 
-@Command
+@command_line.Command
 def open_page(
     paths: Annotated[tuple[Path, ...], typer.Argument(
         metavar="[DIR|PHOTO...]", show_default=False, help="A session folder; or photos of flat "
@@ -166,7 +160,7 @@ def open_page(
         "page may open besides those that this computer lists; may be repeated.")] = (),
     browser: Annotated[bool, typer.Option(
         "--browser/--no-browser", help="Open it in the browser.")] = True,
-    allow_outside: Outside = False,
+    allow_outside: command_line.Outside = False,
 ) -> None:
     """Open a photo's or session's page on this machine: point at colours, mark, run, read."""
     import webbrowser
@@ -185,8 +179,9 @@ def open_page(
 
     def say(address: str) -> None:
         print(address, flush=True)
-        tell("Ctrl-C ends it. The address holds a token: whoever has it can change this "
-             "session from this machine.")
+        command_line.tell(
+            "Ctrl-C ends it. The address holds a token: whoever has it can change this "
+            "session from this machine.")
     page: SessionPage | StartPage = StartPage(Path(), meter_port) if run is None \
         else SessionPage(run.folder, watch, allow_outside, run, meter_port)
     serve(page, port, say, webbrowser.open if browser else None)
@@ -215,23 +210,24 @@ def _folder_to_open(paths: tuple[Path, ...]) -> Path:
     return first
 
 
-@Command
-def report(folder: Folder, allow_outside: Outside = False) -> Answer:
+@command_line.Command
+def report(folder: command_line.Folder,
+           allow_outside: command_line.Outside = False) -> command_line.Answer:
     """Rebuild report.html and report.json from stored results."""
     from spectrabox.measure import texts
     from spectrabox.session.outputs.run_outputs import rewritten_outputs
     config, finished, stale = finished_session(folder, allow_outside)
     outputs = rewritten_outputs(config, finished, ["spectrabox", "report"], "stored results")
     report = outputs.facts["report"]
-    return Answer({"report": report, "stale": stale,
+    return command_line.Answer({"report": report, "stale": stale,
                    "failed_extras": outputs.facts["failed_extras"]},
                   "\n".join([f"wrote {report}",
                              *(f"note: {texts.says(one)}" for one in outputs.failed)]),
                   failed=outputs.failed)
 
 
-@Command
-def doctor(device: Device = "auto") -> Answer:
+@command_line.Command
+def doctor(device: command_line.Device = "auto") -> command_line.Answer:
     """Check whether this machine is ready: LLVM, GPU, versions."""
     from spectrabox.session.doctor import examine
     facts = examine(device)
@@ -243,12 +239,13 @@ def doctor(device: Device = "auto") -> Answer:
     lines += [f"{name} {version}" for name, version in facts["versions"].items()]
     lines += [f"- {problem}" for problem in facts["problems"]]
     lines.append("rendering on a GPU (--device cuda) is untested; without it the CPU renders")
-    return Answer(facts, "\n".join(lines), EnvironmentProblem.exit_code if facts["problems"] else 0)
+    return command_line.Answer(facts, "\n".join(lines),
+                               EnvironmentProblem.exit_code if facts["problems"] else 0)
 
 
 def run_session(folder: Path, allow_outside: bool = False, *, only: str | None = None,
                 until: str | None = None, force: bool = False, device: str = "auto",
-                quiet: bool = False, words: list[str] | None = None) -> Answer:
+                quiet: bool = False, words: list[str] | None = None) -> command_line.Answer:
     """Run the stages of a session that are asked for, and write its report after the last.
 
     Parameters
@@ -259,13 +256,13 @@ def run_session(folder: Path, allow_outside: bool = False, *, only: str | None =
         The command as the operator could type it again, for the report; that of ``run`` by default.
     """
     from spectrabox.session.config.session_file import read_session
-    from spectrabox.session.kept_stages import (
+    from spectrabox.session.outputs.run_outputs import outputs_of_run
+    from spectrabox.session.pipeline import (
         kept_run,
         load_finished,
         stage_names,
         stages_in_order,
     )
-    from spectrabox.session.outputs.run_outputs import outputs_of_run
     from spectrabox.session.store.locks import only_writer
     from spectrabox.session.terminal.progress_display import progress_display, with_time_left
 
@@ -290,7 +287,7 @@ def run_session(folder: Path, allow_outside: bool = False, *, only: str | None =
         if wanted[-1] not in (None, "sample") or after is not None:
             seconds = {stage: finished.stored[stage].seconds
                        for stage in (wanted if after is None else finished.stored) if stage}
-            return Answer(
+            return command_line.Answer(
                 {"stages": [{"name": stage, "seconds": taken, "state": "run"}
                             for stage, taken in seconds.items()],
                  "report": None, "materials": []},
@@ -299,7 +296,7 @@ def run_session(folder: Path, allow_outside: bool = False, *, only: str | None =
                            "run without --only and --until for the report"]))
         finished = load_finished(config) if only is not None else finished
         outputs = outputs_of_run(config, finished, words, device, progress)
-    return Answer(outputs.facts, outputs.text, failed=outputs.failed)
+    return command_line.Answer(outputs.facts, outputs.text, failed=outputs.failed)
 
 
 def _finished_run(config: SessionConfig, wanted: Sequence[str | None], before: str | None,

@@ -10,13 +10,8 @@ import typer
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.system.words import is_whole_number
+from spectrabox.session.terminal import command_line
 from spectrabox.session.terminal.command_help import Commands
-from spectrabox.session.terminal.command_line import (
-    Answer,
-    Command,
-    check_ending,
-)
-from spectrabox.session.terminal.json_values import to_json
 
 if TYPE_CHECKING:
     import numpy as np
@@ -39,7 +34,7 @@ def register(app: typer.Typer) -> None:
     app.add_typer(spectrum)
 
 
-@Command
+@command_line.Command
 def show(
     files: Annotated[tuple[Path, ...], typer.Argument(
         metavar="FILE...", show_default=False, help="Files of spectra, of any format.")],
@@ -47,19 +42,22 @@ def show(
         metavar="COLUMN", help="Name or number of one column.")] = None,
     draw: Annotated[bool, typer.Option(
         "--draw", help="Draw the spectrum in the terminal.")] = False,
-) -> Answer:
+) -> command_line.Answer:
     """Show what a spectral file holds: format, range, quantity, unit, and what to beware of."""
     from spectrabox.radiometry.spectra.spectrum_files import read_table
     tables = [read_table(path) for path in files]
     shown = [_shown(table, column) for table in tables]
     text = "\n\n".join(_text(table, each, column, draw)
                        for table, (each, _) in zip(tables, shown, strict=True))
-    facts = [to_json(each) | ({} if main is None else {"values": main.values, "column": main.name})
-             for each, main in shown]
-    return Answer(facts[0] if len(facts) == 1 else {"files": facts}, text)
+    facts = [
+        command_line.to_json(each) |
+        ({} if main is None else {"values": main.values, "column": main.name})
+        for each, main in shown
+    ]
+    return command_line.Answer(facts[0] if len(facts) == 1 else {"files": facts}, text)
 
 
-@Command
+@command_line.Command
 def convert(
     files: Annotated[tuple[Path, ...], typer.Argument(
         metavar="FILE...", show_default=False, help="Files of spectra, of any format.")],
@@ -74,18 +72,18 @@ def convert(
         "default.")] = None,
     to: Annotated[str, typer.Option(
         metavar="|".join(WRITTEN), help="Format of the files in a folder.")] = ".csv",
-) -> Answer:
+) -> command_line.Answer:
     """Write spectra in another format, on another grid where one is given. Nothing is
     extrapolated.
     """
     suffix = to if len(files) > 1 else out.suffix.lower()
-    check_ending(Path(f"spectra{suffix}") if len(files) > 1 else out, WRITTEN,
+    command_line.check_ending(Path(f"spectra{suffix}") if len(files) > 1 else out, WRITTEN,
                  "--to" if len(files) > 1 else "--out")
     written = []
     for path in files:
         target = out / f"{path.stem}{suffix}" if len(files) > 1 else out
         written.append(WrittenFile(target, _convert(path, target, column, quantity, grid)))
-    return Answer({"written": written}, "\n".join(
+    return command_line.Answer({"written": written}, "\n".join(
              f"wrote {each.file}" + "".join(f"\n- {note}" for note in each.notes)
              for each in written))
 
@@ -173,7 +171,7 @@ def _text(table: SpectralTable, shown: ShownTable, column: str | None, plot: boo
         lines.append(f"  and {len(shown.spectra) - MAX_LISTED} more")
     lines += [f"- {note}" for note in table.notes]
     if plot:
-        from spectrabox.capture.meter.measurement_plot import text_plot
+        from spectrabox.capture.meter.measurement_files import text_plot
         from spectrabox.radiometry.records.spectra import Quantity
         stated = (shown.quantity or "relative").upper()
         role = Quantity[stated] if stated in Quantity.__members__ else Quantity.RELATIVE
@@ -195,8 +193,8 @@ def _convert(path: Path, target: Path, column: str | None, quantity: str | None,
     import numpy as np
 
     from spectrabox.radiometry.files import whole_file, write_text_whole
+    from spectrabox.radiometry.grid import resampled
     from spectrabox.radiometry.spectra.formats.envi import envi_files
-    from spectrabox.radiometry.spectra.resampling import resampled
     from spectrabox.radiometry.spectra.spectrum_files import read_table, spectrum_of, table_text
 
     table = read_table(path)

@@ -14,11 +14,7 @@ from spectrabox.measure.shoot import shoot
 from spectrabox.measure.shoot.captures import capture_of
 from spectrabox.measure.shoot.inputs import Inputs
 from spectrabox.measure.shoot.rules import faults_of
-from spectrabox.radiometry.checked_tables import (
-    MAX_TOML_BYTES,
-    fault_sentences,
-    require_plain_toml,
-)
+from spectrabox.radiometry import checked_tables
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import read_bytes_of_text
 
@@ -94,7 +90,7 @@ def session_content(folder: Path) -> bytes:
     if not path.is_file():
         raise InputError(f"{path} is missing: write one with 'spectrabox new {folder}'")
     try:
-        return read_bytes_of_text(path, MAX_TOML_BYTES)
+        return read_bytes_of_text(path, checked_tables.MAX_TOML_BYTES)
     except OSError as error:
         raise InputError(f"{path} cannot be read ({error.strerror}): change its "
                          "permissions") from None
@@ -112,7 +108,7 @@ def text_of(content: bytes) -> str:
         text = io.StringIO(content.decode("utf-8-sig"), newline=None).read()
     except ValueError as error:
         raise InputError(f"{FILE_NAME} is not valid TOML: {error}") from None
-    require_plain_toml(text, FILE_NAME)
+    checked_tables.require_plain_toml(text, FILE_NAME)
     return text
 
 
@@ -169,5 +165,5 @@ def tables_of_text(text: str, folder: Path,
         return None, [str(error)]
     except ValidationError as error:
         return None, [f"{FILE_NAME}: {sentence}"
-                      for sentence in fault_sentences(error, shoot.Shoot)]
+                      for sentence in checked_tables.fault_sentences(error, shoot.Shoot)]
     return SessionConfig(folder=folder, allow_outside=allow_outside, **written), []

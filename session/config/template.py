@@ -7,15 +7,14 @@ from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema
 
-from spectrabox.measure.shoot.options import Inversion, Repeatability, Sampling, StrayLight
-from spectrabox.measure.shoot.shoot import FILE_NAME, ChartSection, SessionSection, Shoot
+from spectrabox.measure.shoot import options, shoot
 from spectrabox.radiometry.files import write_text_whole
 
 SCHEMA_NAME = "session.schema.json"
 TEMPLATES = Path(__file__).parent / "templates"
-SESSION, CHART = SessionSection(), ChartSection()
-REPEATABILITY, STRAY_LIGHT = Repeatability(), StrayLight()
-RECONSTRUCT, SAMPLING = Inversion(), Sampling()
+SESSION, CHART = shoot.SessionSection(), shoot.ChartSection()
+REPEATABILITY, STRAY_LIGHT = options.Repeatability(), options.StrayLight()
+RECONSTRUCT, SAMPLING = options.Inversion(), options.Sampling()
 SESSION_TEMPLATE = f'''#:schema ./{SCHEMA_NAME}
 # A spectrabox session. Every file name is relative to this folder. Lines with # are comments.
 # Put photos into photos/, spectra into spectra/, Mitsuba scenes into scene/.
@@ -112,7 +111,7 @@ class TomlSchema(GenerateJsonSchema):
 
 def session_schema() -> str:
     """The JSON Schema of session.toml, by which editors complete and check it."""
-    return json.dumps(Shoot.model_json_schema(schema_generator=TomlSchema), indent=1) + "\n"
+    return json.dumps(shoot.Shoot.model_json_schema(schema_generator=TomlSchema), indent=1) + "\n"
 
 
 def write_schema(folder: Path) -> None:
@@ -141,6 +140,6 @@ def write_template(folder: Path, template: str | None = None) -> Path:
     text = SESSION_TEMPLATE
     if template is not None:
         text = (TEMPLATES / f"{template}.toml").read_text(encoding="utf-8")
-    write_text_whole(folder / FILE_NAME, text)
+    write_text_whole(folder / shoot.FILE_NAME, text)
     write_schema(folder)
-    return folder / FILE_NAME
+    return folder / shoot.FILE_NAME

@@ -4,6 +4,8 @@ Photos and spectra are copied into the folder, so that it stands for itself. A l
 same photo writes session.toml anew as long as nobody has edited it: its last line holds a digest of
 the rest.
 """
+
+
 from __future__ import annotations
 
 import contextlib
@@ -15,20 +17,15 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field
 
+from spectrabox.capture.photo import preview
 from spectrabox.capture.photo.image_files import require_linear_file
-from spectrabox.capture.photo.orientation import AS_READ, photo_orientation
 from spectrabox.measure.captured import FIRST_PHOTO
-from spectrabox.radiometry.checked_tables import ListOf, Table, checked, read_toml
+from spectrabox.radiometry import checked_tables, files
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import (
-    names_a_file,
-    sha256_of,
-    whole_file,
-    writable,
-    write_text_whole,
-)
+from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.spectra.light_words import UNKNOWN
 from spectrabox.radiometry.spectra.spectrum_files import require_fraction
 from spectrabox.radiometry.system.words import file_stem
@@ -44,19 +41,19 @@ REGIONS_ADVICE = "write [regions.NAME] and rect = [x0, y0, x1, y1] for each regi
 Tables = dict[str, Any]     # of session.toml, by their names
 
 
-class StatedRegion(Table):
+class StatedRegion(checked_tables.Table):
     """A region of a file of its own: what ``[regions.NAME]`` of a session may say of it, where
     ``known`` may be a number.
     """
 
-    rect: Annotated[ListOf[float], Field(min_length=4, max_length=4)]
-    family: str | ListOf[str] | None = None
+    rect: Annotated[checked_tables.ListOf[float], Field(min_length=4, max_length=4)]
+    family: str | checked_tables.ListOf[str] | None = None
     surface: Literal["matt", "satin", "glossy"] | None = None
     known: float | str | None = None
     truth: str | None = None
 
 
-class RegionsFile(Table):
+class RegionsFile(checked_tables.Table):
     """Regions for photos that are framed alike."""
 
     regions: dict[str, StatedRegion] = Field(min_length=1)
@@ -93,7 +90,7 @@ def new_session(tables: Tables, folder: Path | None) -> Iterator[Path]:
         raise InputError(f"{folder} is a file; name another folder with --session")
     _require_unedited(folder)
     try:
-        with writable(folder.parent):
+        with files.writable(folder.parent):
             _write(tables, folder)
         yield folder
     except BaseException:
@@ -168,8 +165,9 @@ def read_regions(path: Path) -> Tables:
         If it cannot be read, or a key is unknown or of another kind.
     """
     tables: Tables = {}
-    for name, region in checked(RegionsFile, read_toml(path, REGIONS_ADVICE),
-                                path.name).regions.items():
+    for name, region in checked_tables.checked(RegionsFile,
+                                               checked_tables.read_toml(path, REGIONS_ADVICE),
+                                               path.name).regions.items():
         said = {key: value for key, value in vars(region).items() if value is not None}
         for key in ("known", "truth"):
             if isinstance(said.get(key), str):
@@ -187,7 +185,7 @@ def file_or_word(word: str) -> Path | str:
     ----------
     word : str
     """
-    return Path(word) if names_a_file(word) else word
+    return Path(word) if files.names_a_file(word) else word
 
 
 def folder_beside(photo: Path) -> Path:
@@ -225,12 +223,14 @@ def _write(tables: Tables, folder: Path) -> None:
     for part in ("photos", "spectra"):
         (folder / part).mkdir(parents=True, exist_ok=True)
     orientation = _orientation(tables["photos"], folder)
-    photos = tables["photos"] | {"orientation": None if orientation == AS_READ else orientation}
+    photos = tables["photos"] | {
+        "orientation": None if orientation == preview.AS_READ else orientation
+    }
     regions = {name: region | ({"known": known_file(str(region["known"]), name, folder)}
                                if "known" in region else {})
                for name, region in tables["regions"].items()}
     body = toml_text(_in_session(tables | {"photos": photos, "regions": regions}, folder))
-    write_text_whole(folder / FILE_NAME, f"{body}{MARK}{_digest(body)}\n")
+    files.write_text_whole(folder / FILE_NAME, f"{body}{MARK}{_digest(body)}\n")
     if not (folder / SCHEMA_NAME).exists():
         write_schema(folder)
 
@@ -241,8 +241,10 @@ def _orientation(photos: Mapping[str, Any], folder: Path) -> int:
     """
     written = folder / FILE_NAME
     if not written.exists():
-        return photos.get("orientation") or photo_orientation(photos["object"])
-    return int(read_toml(written, "move it away")["photos"].get("orientation", AS_READ))
+        return photos.get("orientation") or preview.photo_orientation(photos["object"])
+    return int(
+        checked_tables.read_toml(written,
+                                 "move it away")["photos"].get("orientation", preview.AS_READ))
 
 
 def _in_session(value: Any, folder: Path, key: str = "") -> Any:
@@ -286,11 +288,11 @@ def _copied(path: Path, folder: Path, part: str) -> str:
     name = f"{part}/{path.name}"
     target = folder / name
     if target.exists():
-        if sha256_of(target) != sha256_of(path):
+        if files.sha256_of(target) != files.sha256_of(path):
             raise InputError(f"{target} is another file than {path}; name another folder with "
                              "--session")
         return name
-    with whole_file(target) as unfinished:
+    with files.whole_file(target) as unfinished:
         shutil.copyfile(path, unfinished)
     return name
 
@@ -326,7 +328,7 @@ def known_file(word: str, name: str, folder: Path) -> str:
     file = f"spectra/{file_stem(name)} {' +- '.join(f'{number:g}' for number in numbers)}.csv"
     columns = ("wavelength_nm", "value", "standard_error")[:1 + len(numbers)]
     rows = [(end, *numbers) for end in WAVELENGTHS_NM]
-    write_text_whole(folder / file, "# quantity: reflectance\n" + "".join(
+    files.write_text_whole(folder / file, "# quantity: reflectance\n" + "".join(
         ",".join(map(str, row)) + "\n" for row in (columns, *rows)))
     return file
 
@@ -345,3 +347,50 @@ def typed_reflectance(word: str) -> tuple[float, ...]:
 
 def _digest(body: str) -> str:
     return hashlib.sha256(body.encode()).hexdigest()[:16]
+
+
+# ---- a picture of a photo with the pixels of the photo on its axes, to read regions from ---------
+
+WIDTH_PX, WIDTH_IN = 1400, 14.0
+
+
+def write_picture(image: LinearImage, picture: Path,
+                  patches_px: np.ndarray | None = None) -> tuple[int, int]:
+    """Write a PNG of a photo with axes that count its pixels.
+
+    Parameters
+    ----------
+    image : LinearImage
+    picture : Path
+        Ends in .png.
+    patches_px : (I, 4, 2) array, optional
+        Of the chart, in pixels of the photo: they are drawn.
+
+    Returns
+    -------
+    tuple of int
+        Width and height of the photo in pixels.
+    """
+    from matplotlib import style
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import MultipleLocator
+    rows, columns = image.signal.shape[:2]
+    width, height = round(columns * image.sensor_step), round(rows * image.sensor_step)
+    if columns > WIDTH_PX:
+        image = preview.bin_image(image, WIDTH_PX, round(WIDTH_PX * rows / columns))
+    with style.context("default"):      # not as a matplotlibrc of the working folder has it
+        drawing = Figure(figsize=(WIDTH_IN, WIDTH_IN * height / width), layout="constrained")
+        axes = drawing.add_subplot()
+        axes.imshow(preview.signal_rgb8(image.signal),
+                    extent=(-0.5, width - 0.5, height - 0.5, -0.5))
+        for quad in () if patches_px is None else patches_px:
+            for colour, line_width in (("white", 2.0), ("black", 0.7)):
+                axes.fill(*quad.T, fill=False, edgecolor=colour, linewidth=line_width)
+        step = 10.0 ** np.floor(np.log10(width / 4))
+        axes.xaxis.set_major_locator(MultipleLocator(step))
+        axes.yaxis.set_major_locator(MultipleLocator(step))
+        axes.grid(color="white", alpha=0.5, linewidth=0.5)
+        axes.tick_params(labeltop=True, labelright=True)
+        FigureCanvasAgg(drawing).print_png(str(picture))
+    return width, height

@@ -1,4 +1,8 @@
-"""Readings of one thing or of many in order, by an operator who points or holds the instrument."""
+"""Readings of one thing or of many in order, by an operator who points or holds the instrument, and
+what they come to.
+"""
+
+
 from __future__ import annotations
 
 import sys
@@ -8,30 +12,108 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
+from spectrabox.capture.meter import measurement_files, measurement_series
 from spectrabox.capture.meter.instruments.instrument_errors import RefusedError
 from spectrabox.capture.meter.instruments.interface import Instrument
-from spectrabox.capture.meter.measurement_files import (
-    note_role,
-    reading_facts,
-    readings_folder,
-    set_aside,
-    store_reading,
-    stored_readings,
-)
-from spectrabox.capture.meter.meter_calibration import (
-    Maker,
-    MeterCalibration,
-    makers_of,
-    require_comparable,
-)
 from spectrabox.measure import texts
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import CheckError
-from spectrabox.radiometry.records.spectra import Spectrum
+from spectrabox.radiometry.files import write_text_whole
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.readings import SpectralReading
-from spectrabox.session.meters.chart_picture import chart_picture, nearer_patch
-from spectrabox.session.meters.keyboard import LOOK_S, NO_MORE, Keyboard
-from spectrabox.session.meters.readers import Source
+from spectrabox.radiometry.spectra.spectrum_files import table_text
+from spectrabox.session.meters import readers
+
+USES = {"light": "name it in session.toml, or give it with --light",
+        "white": "surfaces that are measured now are divided by it",
+        "paint": "give it with --truth NAME=FILE, or name it in session.toml",
+        "chart": "give it with --reference FILE, or name it in session.toml"}
+
+
+def write_result(
+        task: Task, white_reflectance: float,
+        calibrations: Sequence[measurement_series.MeterCalibration]) -> tuple[Path, Spectrum]:
+    """Write the mean, or the reflectance where a white standard was measured; gives the file and
+    one spectrum.
+
+    Parameters
+    ----------
+    task : Task
+    white_reflectance : float
+        Of the white standard.
+    calibrations : sequence of MeterCalibration
+
+    Raises
+    ------
+    CheckError, InputError
+    """
+    stored = {
+        name:
+        measurement_files.stored_readings(measurement_files.readings_folder(task.spectra, name))
+        for name in task.names
+    }
+    readings = [reading for name in task.names for reading in stored[name]]
+    reflects = any(reading.quantity is Quantity.REFLECTANCE for reading in readings)
+    white = [] if reflects else white_readings(task.spectra, task.role)
+    makers = measurement_series.makers_of([*readings, *white])
+    measurement_series.require_comparable(makers, calibrations, task.title)
+    if white and len(makers) == 1:
+        calibrations = ()       # one instrument's factor divides out, and so does its error
+
+    def mean(name: str, readings: Sequence[SpectralReading]) -> Spectrum:
+        instruments = measurement_series.named(measurement_series.makers_of(readings)) + (
+            ", each by its calibration" if calibrations else "")
+        return measurement_series.series_spectrum(
+            measurement_series.series_of(readings, name, calibrations),
+            f"{instruments}, {name}, mean of {len(readings)}")
+
+    require_measured(task)
+    results = [mean(name, stored[name]) for name in task.names]
+    if white:
+        divisor = mean("white", white)
+        results = [
+            measurement_series.reflectance_from(result, divisor, white_reflectance, result.source)
+            for result in results
+        ]
+    path = measurement_files.result_file(task.spectra, task.role, task.names[0],
+                                         results[0].quantity)
+    if task.role == "chart":
+        columns = {measurement_files.chart_and_patch(name)[1]: result.values
+                   for name, result in zip(task.names, results, strict=True)}
+    else:
+        columns = {"value": results[0].values}
+        if results[0].standard_error is not None:
+            columns["standard_error"] = results[0].standard_error
+    write_text_whole(path, table_text(results[0].grid.nm, columns, quantity=results[0].quantity,
+                                      source=results[0].source + _calibration_words(readings)))
+    return path, results[0]
+
+
+def series_of_all(
+    task: Task, calibrations: Sequence[measurement_series.MeterCalibration]
+) -> list[measurement_series.SeriesSummary]:
+    """Spread, drift and findings of each thing's readings.
+
+    Parameters
+    ----------
+    task : Task
+    calibrations : sequence of MeterCalibration
+    """
+    return [
+        measurement_series.series_summary(
+            measurement_series.series_of(
+                measurement_files.stored_readings(
+                    measurement_files.readings_folder(task.spectra, name)), name, calibrations),
+            name) for name in task.names
+    ]
+
+
+def _calibration_words(readings: Sequence[SpectralReading]) -> str:
+    stated = dict.fromkeys(reading.calibration for reading in readings if reading.calibration)
+    return f"; calibration of the instrument: {'; '.join(stated)}" if stated else ""
+
+
+# ---- measuring -----------------------------------------------------------------------------------
 
 UNDO, SKIP = "u", "s"
 
@@ -63,8 +145,9 @@ class Task:
         return self.names[0] if len(self.names) == 1 else f"the {self.role}"
 
 
-def measure_all(task: Task, source: Source,
-                calibrations: Sequence[MeterCalibration]) -> list[SpectralReading]:
+def measure_all(
+        task: Task, source: readers.Source,
+        calibrations: Sequence[measurement_series.MeterCalibration]) -> list[SpectralReading]:
     """Take the readings that are still missing; those on disk are not taken again.
 
     Parameters
@@ -74,7 +157,11 @@ def measure_all(task: Task, source: Source,
     calibrations : sequence of MeterCalibration
         Factors of instruments that are to be compared.
     """
-    stored = {name: stored_readings(readings_folder(task.spectra, name)) for name in task.names}
+    stored = {
+        name:
+        measurement_files.stored_readings(measurement_files.readings_folder(task.spectra, name))
+        for name in task.names
+    }
     have = {name: sum(reading.spectrum is not None for reading in stored[name])
             for name in task.names}
     done = [name for name in task.names if have[name] >= task.repeat]
@@ -84,12 +171,14 @@ def measure_all(task: Task, source: Source,
         print(f"{task.names[0]} has its {task.repeat} readings already; --again starts a new "
               "series", file=sys.stderr)
         return taken
-    before = makers_of([*(reading for name in task.names for reading in stored[name]),
-                        *white_readings(task.spectra, task.role)])
+    before = measurement_series.makers_of([
+        *(reading for name in task.names for reading in stored[name]),
+        *white_readings(task.spectra, task.role)
+    ])
 
-    def check(maker: Maker) -> None:
-        require_comparable([*before, maker], calibrations, task.title)
-    keyboard = Keyboard()
+    def check(maker: measurement_series.Maker) -> None:
+        measurement_series.require_comparable([*before, maker], calibrations, task.title)
+    keyboard = readers.Keyboard()
     with source(task.spectra / "readings") as reader:
         reader.begin(check)
         if reader.meter is not None and task.calibrate \
@@ -111,8 +200,9 @@ def measure_all(task: Task, source: Source,
                 if reader.meter is not None:
                     reader.meter.by_button = start is Start.BUTTON and count == have[name]
                 reading = reader.take()
-                note_role(task.spectra, task.role, name)
-                store_reading(readings_folder(task.spectra, name), reading)
+                measurement_files.note_role(task.spectra, task.role, name)
+                measurement_files.store_reading(
+                    measurement_files.readings_folder(task.spectra, name), reading)
                 taken.append(reading)
                 print(f"{name}, {reading_line(count + 1, reading)}", file=sys.stderr, flush=True)
             _warn_of_another_patch(task, name, taken[-1])
@@ -128,7 +218,8 @@ def white_readings(spectra: Path, role: str) -> list[SpectralReading]:
     spectra : Path
     role : str
     """
-    return stored_readings(readings_folder(spectra, "white")) if role in ("paint", "chart") else []
+    return measurement_files.stored_readings(measurement_files.readings_folder(
+        spectra, "white")) if role in ("paint", "chart") else []
 
 
 def shown_reading(reading: SpectralReading) -> dict[str, Any]:
@@ -138,7 +229,7 @@ def shown_reading(reading: SpectralReading) -> dict[str, Any]:
     ----------
     reading : SpectralReading
     """
-    return reading_facts(reading) | {
+    return measurement_files.reading_facts(reading) | {
         "sentence": texts.says(reading.outcome.finding),
         "flags": [texts.says(finding) for finding in reading.findings],
         "findings": [texts.facts(finding) for finding in reading.findings]}
@@ -161,15 +252,15 @@ def reading_line(number: int, reading: SpectralReading) -> str:
     return f"reading {number}: {ended}{stated}{exposure}{lab}"
 
 
-def _calibrated(meter: Instrument, keyboard: Keyboard) -> bool:
+def _calibrated(meter: Instrument, keyboard: readers.Keyboard) -> bool:
     """Ask for each calibration that the instrument wants; False if the operator stops here."""
     for which, advice in meter.calibrations.items():
         while which not in meter.calibrated:
             print(f"{which} calibration of the {meter.family}: {advice},\nthen press Enter "
-                  f"({SKIP} Enter: measure without, and say so; {NO_MORE} Enter: stop)",
+                  f"({SKIP} Enter: measure without, and say so; {readers.NO_MORE} Enter: stop)",
                   file=sys.stderr, flush=True)
             answer = keyboard.line(None)
-            if answer == NO_MORE:
+            if answer == readers.NO_MORE:
                 return False
             if answer == SKIP:
                 break
@@ -181,7 +272,7 @@ def _calibrated(meter: Instrument, keyboard: Keyboard) -> bool:
 
 
 def _asked(task: Task, name: str, done: int, meter: Instrument | None,
-           keyboard: Keyboard) -> Start:
+           keyboard: readers.Keyboard) -> Start:
     """What the operator does next: Enter, the instrument's button, or another wish."""
     button = meter is not None and meter.has_button
     if task.role == "chart":
@@ -191,28 +282,31 @@ def _asked(task: Task, name: str, done: int, meter: Instrument | None,
     how = "hold the instrument on it, press its button or Enter" if button else \
         "point the instrument at it and press Enter"
     undo = f"{UNDO} Enter: the last again, " if done else ""
-    print(f"{what}: {how} ({undo}{NO_MORE} Enter: stop)", file=sys.stderr, flush=True)
+    print(f"{what}: {how} ({undo}{readers.NO_MORE} Enter: stop)", file=sys.stderr, flush=True)
     while True:
-        answer = keyboard.line(LOOK_S / 2 if button else None)
+        answer = keyboard.line(readers.LOOK_S / 2 if button else None)
         if answer is not None:
-            return {UNDO: Start.UNDO, NO_MORE: Start.STOP}.get(answer, Start.COMMAND)
-        if meter is not None and meter.pressed(LOOK_S / 2):
+            return {UNDO: Start.UNDO, readers.NO_MORE: Start.STOP}.get(answer, Start.COMMAND)
+        if meter is not None and meter.pressed(readers.LOOK_S / 2):
             return Start.BUTTON
 
 
 def _picture(task: Task, following: int) -> str:
     measured: dict[int, Spectrum | None] = {}
     for index, name in enumerate(task.names):
-        readings = [reading for reading in stored_readings(readings_folder(task.spectra, name))
-                    if reading.spectrum is not None]
+        readings = [
+            reading for reading in measurement_files.stored_readings(
+                measurement_files.readings_folder(task.spectra, name))
+            if reading.spectrum is not None
+        ]
         if readings:
             reflects = readings[-1].lab is not None
             measured[index] = readings[-1].spectrum if reflects else None
-    return chart_picture(task.chart, measured, following, colours=sys.stderr.isatty())
+    return readers.chart_picture(task.chart, measured, following, colours=sys.stderr.isatty())
 
 
 def _undo(spectra: Path, name: str) -> None:
-    aside = set_aside(readings_folder(spectra, name))
+    aside = measurement_files.set_aside(measurement_files.readings_folder(spectra, name))
     print(f"{name}: its readings are kept aside in {aside.name}", file=sys.stderr, flush=True)
 
 
@@ -220,7 +314,7 @@ def _warn_of_another_patch(task: Task, name: str, reading: SpectralReading) -> N
     """Say so where a reflectance looks like another patch of the chart."""
     if task.role != "chart" or reading.lab is None or reading.spectrum is None:
         return
-    other = nearer_patch(task.chart, task.names.index(name), reading.spectrum)
+    other = readers.nearer_patch(task.chart, task.names.index(name), reading.spectrum)
     if other is not None:
         print(f"- this looks like {task.names[other]} and not like {name}: if it was another "
               f"patch, {UNDO} and Enter", file=sys.stderr, flush=True)
@@ -238,8 +332,11 @@ def require_measured(task: Task) -> None:
     CheckError
         With what comes next.
     """
-    missing = [name for name in task.names
-               if not makers_of(stored_readings(readings_folder(task.spectra, name)))]
+    missing = [
+        name for name in task.names if not measurement_series.makers_of(
+            measurement_files.stored_readings(measurement_files.readings_folder(task.spectra,
+                                                                                name)))
+    ]
     if len(task.names) > 1 and missing:
         things = "patches" if task.role == "chart" else "things"
         raise CheckError(f"{len(task.names) - len(missing)} of {len(task.names)} {things} are "

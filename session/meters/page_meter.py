@@ -7,24 +7,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from spectrabox.capture.meter import measurement, measurement_files
 from spectrabox.capture.meter.instruments.cr30 import Cr30
 from spectrabox.capture.meter.instruments.instrument_errors import InstrumentError
 from spectrabox.capture.meter.instruments.interface import Identity, MeterSettings
-from spectrabox.capture.meter.measurement import open_instrument, take_reading, trusted_identity
-from spectrabox.capture.meter.measurement_files import (
-    claim,
-    note_role,
-    readings_folder,
-    store_reading,
-)
 from spectrabox.capture.meter.serial_line import list_ports
-from spectrabox.capture.transcripts.transcript_replay import record
+from spectrabox.capture.transcripts.player import record
 from spectrabox.measure import texts
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.system.words import file_stem, shortened
-from spectrabox.session.meters.measuring import Task
+from spectrabox.session.meters.measuring import Task, write_result
 from spectrabox.session.meters.readers import meter_pace
-from spectrabox.session.meters.results import write_result
 
 PRESS_S = 2.0           # for which one request waits for the button
 
@@ -105,10 +98,11 @@ class PageMeter:
     def _measured(self, meter: Cr30, name: str) -> dict[str, Any]:
         assert self._identity is not None
         stem = self._free_stem(file_stem(name))
-        claim(self._spectra, "paint", [stem], reflects=True)
-        reading = take_reading(meter, self._identity, transcript=self._transcript)
-        note_role(self._spectra, "paint", stem)
-        store_reading(readings_folder(self._spectra, stem), reading)
+        measurement_files.claim(self._spectra, "paint", [stem], reflects=True)
+        reading = measurement.take_reading(meter, self._identity, transcript=self._transcript)
+        measurement_files.note_role(self._spectra, "paint", stem)
+        measurement_files.store_reading(measurement_files.readings_folder(self._spectra, stem),
+                                        reading)
         path, _ = write_result(Task(self._spectra, "paint", (stem,), 1, False, False), 1.0, ())
         return {"file": f"{self._spectra.name}/{path.name}", "lab": reading.lab,
                 "flags": [texts.says(finding) for finding in reading.findings],
@@ -119,7 +113,7 @@ class PageMeter:
         """
         number, free = 1, stem
         while (self._spectra / f"{free}.csv").exists() \
-                or readings_folder(self._spectra, free).exists():
+                or measurement_files.readings_folder(self._spectra, free).exists():
             number += 1
             free = f"{stem}-{number}"
         return free
@@ -137,9 +131,10 @@ class PageMeter:
             with contextlib.ExitStack() as opening:
                 log = opening.enter_context(record(self._spectra / "readings", Cr30.name,
                                                    MeterSettings()))
-                meter = opening.enter_context(open_instrument(Cr30.name, port, log, meter_pace()))
+                meter = opening.enter_context(
+                    measurement.open_instrument(Cr30.name, port, log, meter_pace()))
                 assert isinstance(meter, Cr30)
-                self._identity = trusted_identity(meter)
+                self._identity = measurement.trusted_identity(meter)
                 self._open = opening.pop_all()
             self._meter, self._port, self._transcript = meter, port, log.path.name
         return self._meter

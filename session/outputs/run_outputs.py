@@ -1,26 +1,93 @@
 """Report, spectra and pictures of a finished run, written again only where something has changed.
 
+Report, spectra and pictures of a finished run, written again only where something has changed.
+
 Their inputs and the digest of every file are stored with the stages' results. The files are kept
 while the inputs are unchanged and no file has been edited.
 """
+
+
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from spectrabox.measure import extras, texts
+from spectrabox.measure.advice.advice import advised_of_facts
+from spectrabox.measure.captured import SceneCapture
+from spectrabox.measure.extras import attempt
+from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import sha256_of
 from spectrabox.radiometry.findings import Finding
+from spectrabox.reconstruct.scene.scene_file import SceneFile
+from spectrabox.session.box.scenes import write_box_scenes
 from spectrabox.session.config.session_file import SessionConfig
-from spectrabox.session.kept_stages import FinishedRun
-from spectrabox.session.store.input_files import InputFiles
-from spectrabox.session.store.keys import digest_of_parts
+from spectrabox.session.outputs.session_results import session_results
+from spectrabox.session.pipeline import FinishedRun
+from spectrabox.session.report import page
+from spectrabox.session.store import keys, record_files, surface_files
 from spectrabox.session.store.locks import outputs_writer
-from spectrabox.session.store.program import LIBRARY, room_digests, versions
 from spectrabox.session.store.rehearsals import FILE
-from spectrabox.session.store.store import load_stage, save_stage, stage_folder
 from spectrabox.session.terminal.progress_display import StageProgress
+
+
+def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: list[str],
+                  device: str, advice: dict[str, Any] | None = None
+                  ) -> tuple[dict[str, Any], str, list[Path], tuple[Finding, ...]]:
+    """Write report, spectra, materials and pictures into the session folder.
+
+    Parameters
+    ----------
+    config : SessionConfig
+    finished : FinishedRun
+    command_line : list of str
+        As the operator could type it again, without paths.
+    device : {"auto", "cpu", "cuda"}
+        Where Mitsuba rendered.
+    advice : dict, optional
+        What to do next, as the facts of the same results had it; forecast anew where it is missing.
+
+    Returns
+    -------
+    facts : dict
+        For scripts.
+    text : str
+        For a person.
+    files : list of Path
+        All that were written.
+    failed : tuple of Finding
+        What could not be made beside the answer; facts and text name it.
+    """
+    results = session_results(config, finished,
+                              keys.provenance(command_line, config.session.seed, device))
+    if advice is not None:
+        kept = advised_of_facts(advice)
+        results = replace(results, found=replace(results.found, advise=lambda: kept))
+    found = results.found
+    rendered = page.rendered_report(results)
+    report = page.store_report(rendered, results.folder)
+    failed = rendered.failed
+    files = [report, report.with_name(page.NUMBERS_NAME),
+             *surface_files.write_surface_files(found, results.folder, results.name)]
+    if isinstance(found, SceneResult) and isinstance(finished.capture, SceneCapture):
+        scene = finished.capture.views[0].scene
+        files += [surface_files.write_materials(found, results.folder, finished.capture.bsdfs,
+                                  scene if isinstance(scene, SceneFile) else None),
+                  *write_box_scenes(config, finished.records.reconstruct.box_scenes)]
+        pictures, fault = attempt("comparison of photo and rendering",
+                                  lambda: surface_files.write_comparisons(found, results.folder),
+                                  [])
+        files += pictures
+        failed += () if fault is None else (fault,)
+    named = [extras.facts(one) for one in found.failed_extras]
+    notes = [f"note: {texts.says(one)}" for one in failed if extras.facts(one) not in named]
+    facts = results.facts() | {"failed_extras": [extras.facts(one) for one in failed]}
+    return facts, "\n".join([results.text(), *notes]), files, failed
+
+
+# ---- run outputs ---------------------------------------------------------------------------------
 
 STAGE = "report"
 
@@ -38,10 +105,10 @@ def kept_outputs(config: SessionConfig, finished: FinishedRun) -> RunOutputs | N
     """Answers of the files beside the results; None unless all of them are those of this run, and
     no extra failed in it, which is tried again.
     """
-    stored = load_stage(config.results_folder, STAGE)
+    stored = record_files.load_stage(config.results_folder, STAGE)
     if stored is None or stored.fault or set(finished.states.values()) != {"kept"} \
             or stored.facts["facts"]["failed_extras"] \
-            or stored.key != _key(config, finished, InputFiles(config)):
+            or stored.key != _key(config, finished, keys.InputFiles(config)):
         return None
     if not all((config.folder / name).is_file() for name in stored.facts["outputs"]):
         return None
@@ -83,9 +150,7 @@ def rewritten_outputs(config: SessionConfig, finished: FinishedRun, command_line
     device : {"auto", "cpu", "cuda"} or "stored results"
         For the report: where Mitsuba rendered.
     """
-    # here: Matplotlib takes a second, and a run that is up to date draws nothing
-    from spectrabox.session.outputs.write_outputs import write_outputs
-    inputs = InputFiles(config)
+    inputs = keys.InputFiles(config)
     key = _key(config, finished, inputs)
     with outputs_writer(config.folder):
         facts, text, files, failed = write_outputs(config, finished, command_line, device,
@@ -94,8 +159,8 @@ def rewritten_outputs(config: SessionConfig, finished: FinishedRun, command_line
         require_results(finished, "spectrabox report")
         written = [path.relative_to(config.folder).as_posix() for path in files]
         names = {name: Path(facts[name]).name for name in ("report", "spectra")}
-        with stage_folder(config.results_folder, STAGE) as folder:
-            save_stage(folder, key, {}, 0.0,
+        with record_files.stage_folder(config.results_folder, STAGE) as folder:
+            record_files.save_stage(folder, key, {}, 0.0,
                        {"outputs": written, "facts": {**facts, **names}, "text": text})
     return RunOutputs(facts, f"{text}\nreport: {facts['report']}", failed)
 
@@ -104,9 +169,9 @@ def _kept_advice(config: SessionConfig, key: dict[str, Any]) -> dict[str, Any] |
     """What to do next as it was forecast, which takes as long as a fit; None unless it is of the
     same results and by the same library, and did not fail.
     """
-    stored = load_stage(config.results_folder, STAGE)
+    stored = record_files.load_stage(config.results_folder, STAGE)
     if stored is None or stored.fault or stored.key.get("stages") != key["stages"] \
-            or any(stored.key["code"].get(room) != key["code"][room] for room in LIBRARY) \
+            or any(stored.key["code"].get(room) != key["code"][room] for room in keys.LIBRARY) \
             or any(one["extra"] == "advice" for one in stored.facts["facts"]["failed_extras"]):
         return None
     return stored.facts["facts"]["advice"]
@@ -124,13 +189,16 @@ def require_results(finished: FinishedRun, command: str) -> None:
     ------
     InputError
     """
-    now = {name: load_stage(stage.folder.parent, name) for name, stage in finished.stored.items()}
+    now = {
+        name: record_files.load_stage(stage.folder.parent, name)
+        for name, stage in finished.stored.items()
+    }
     if any(stage is None or stage.key != finished.stored[name].key for name, stage in now.items()):
         raise InputError(f"results changed while they were used; run '{command}' again once the "
                          "run has ended")
 
 
-def _key(config: SessionConfig, finished: FinishedRun, inputs: InputFiles) -> dict[str, Any]:
+def _key(config: SessionConfig, finished: FinishedRun, inputs: keys.InputFiles) -> dict[str, Any]:
     """Inputs of the files: session.toml, spectra to compare with, results, the last rehearsal, and
     the program.
     """
@@ -139,8 +207,8 @@ def _key(config: SessionConfig, finished: FinishedRun, inputs: InputFiles) -> di
     # as they were read: the files may have been edited since
     truths = {name: surface.truth for name, surface in finished.capture.surfaces.items()}
     settings = config.model_dump(mode="json", exclude={"folder", "allow_outside"})
-    return {"settings": settings, "truths": digest_of_parts(truths),
+    return {"settings": settings, "truths": keys.digest_of_parts(truths),
             "files": inputs.digests(None if curves is None else curves.file),
             "stages": finished.fingerprints(),
             "rehearsal": sha256_of(rehearsal) if rehearsal.is_file() else "",
-            "versions": versions(), "code": room_digests((*LIBRARY, "session"))}
+            "versions": keys.versions(), "code": keys.room_digests((*keys.LIBRARY, "session"))}

@@ -1,10 +1,14 @@
-"""Answers to requests: what a function returns as JSON, files received, refusals in sentences."""
+"""Names under which files that a browser sends are kept."""
+
+
 from __future__ import annotations
 
 import asyncio
 import contextlib
 import json
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Collection
+from pathlib import Path
 from typing import IO, Any
 
 from starlette.concurrency import run_in_threadpool
@@ -12,7 +16,37 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 
 from spectrabox.radiometry.errors import InputError, SpectraboxError
-from spectrabox.session.page.access import Receive, Scope, Send
+from spectrabox.radiometry.system.words import shortened
+from spectrabox.session.page import access
+
+UNSAFE = re.compile(r"[^\w .()+-]+")
+MAX_NAME = 100          # characters of a file's
+
+
+def unused_path(wanted: Path, taken: Collection[Path] = ()) -> Path:
+    """A path that is not there yet, of a name or the same with a number."""
+    number, path = 1, wanted
+    while path.exists() or path.is_symlink() or path in taken:
+        number += 1
+        path = wanted.with_name(f"{wanted.stem}-{number}{wanted.suffix}")
+    return path
+
+
+def safe_name(name: str) -> str:
+    """The name of a file as a browser gives it, without what may not stand in one.
+
+    Raises
+    ------
+    InputError
+        If nothing is left of it.
+    """
+    safe = UNSAFE.sub("_", name)[-MAX_NAME:].lstrip("._ ")
+    if not Path(safe).stem:
+        raise InputError(f"{shortened(name)} is no name of a file; rename it")
+    return safe
+
+
+# ---- answers to requests -------------------------------------------------------------------------
 
 PNG = b"\x89PNG"
 MAX_BODY = 200_000      # bytes of a mark: a polygon of ten thousand corners
@@ -113,7 +147,8 @@ class TooLong(Response):
         sentence = f"more than {MAX_BODY} bytes; mark fewer points"
         super().__init__(json.dumps({"error": sentence}), 413, media_type="application/json")
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+    async def __call__(self, scope: access.Scope, receive: access.Receive,
+                       send: access.Send) -> None:
         """Answer at once, and end the answer later."""
         await send({"type": "http.response.start", "status": self.status_code,
                     "headers": self.raw_headers})

@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure import texts
-from spectrabox.measure.captured import FlatCapture, Region, rectangle
+from spectrabox.measure import captured, texts
 from spectrabox.measure.extras import attempt
 from spectrabox.measure.opened_photos import OpenPhotos
 from spectrabox.measure.records import CaptureRecords, ChartRecords
@@ -24,28 +23,19 @@ from spectrabox.measure.regions.pointing import PointedSample, calibrated_photos
 from spectrabox.measure.results.flat_result import FlatResult
 from spectrabox.measure.shoot.captures import flat_capture_of
 from spectrabox.measure.steps.declared_steps import inputs_of_calibration, inputs_of_charts
-from spectrabox.radiometry.errors import CheckError, InputError, SpectraboxError
+from spectrabox.radiometry import errors
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.records.spectra import Quantity, SurfaceSpectrum
-from spectrabox.radiometry.spectra.formats.csvw import plain_text
+from spectrabox.radiometry.spectra.formats.delimited import plain_text
 from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
 from spectrabox.radiometry.system.words import shortened
 from spectrabox.session.config.session_file import SessionConfig
-from spectrabox.session.page.live_result import described_result, result_now
+from spectrabox.session.page import pointed_answers
 from spectrabox.session.page.photo_views import PhotoFile, PhotoViews
-from spectrabox.session.page.pointed_answers import (
-    answered_or_refused,
-    described_charts,
-    described_comparison,
-    described_part,
-    described_region,
-    described_spectrum,
-)
 from spectrabox.session.page.run_control import RunControl
-from spectrabox.session.store.input_files import InputFiles
-from spectrabox.session.store.keys import digest_of_parts, step_keys
-from spectrabox.session.store.store import fingerprint, load_stage
+from spectrabox.session.store.keys import InputFiles, digest_of_parts, step_keys
+from spectrabox.session.store.record_files import fingerprint, load_stage
 
 CHART, CALIBRATE = "chart", "calibrate"
 MAX_KEPT = 500          # answers on regions
@@ -109,7 +99,8 @@ class LiveSample:
             edited = self._seen is None or now[0] != self._seen[0]
             self._config = config
             if edited:
-                with contextlib.suppress(SpectraboxError):      # said where the session is checked
+                with contextlib.suppress(
+                        errors.SpectraboxError):  # said where the session is checked
                     self._state_anew()
             changed, self._seen = now != self._seen, now
         if changed:
@@ -139,8 +130,8 @@ class LiveSample:
             Before the calibration is there.
         """
         sample = self._require_ready()
-        return answered_or_refused(lambda: described_part(sample, part_of(sample.capture, role,
-                                                                          rect)))
+        return pointed_answers.answered_or_refused(
+            lambda: pointed_answers.described_part(sample, part_of(sample.capture, role, rect)))
 
     def compare(self, picked: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         """Two picked colours beside each other.
@@ -160,18 +151,18 @@ class LiveSample:
         sample = self._require_ready()
         regions = sample.capture.regions
         if len(picked) != 2:
-            raise InputError("pick two colours to compare")
+            raise errors.InputError("pick two colours to compare")
         for one in picked:
             if "name" in one and one["name"] not in regions:
-                raise InputError(f"there is no region {shortened(str(one['name']))}")
+                raise errors.InputError(f"there is no region {shortened(str(one['name']))}")
 
-        def titled(number: int, one: Mapping[str, Any]) -> tuple[str, Region]:
+        def titled(number: int, one: Mapping[str, Any]) -> tuple[str, captured.Region]:
             if "name" in one:
                 return one["name"], regions[one["name"]]
             return f"point {number}", part_of(sample.capture, one["role"], one["rect"])
 
-        return answered_or_refused(lambda: described_comparison(sample, [
-            titled(number, one) for number, one in enumerate(picked, start=1)]))
+        return pointed_answers.answered_or_refused(lambda: pointed_answers.described_comparison(
+            sample, [titled(number, one) for number, one in enumerate(picked, start=1)]))
 
     def region(self, name: str) -> dict[str, Any]:
         """The spectrum of a region of the session, which is the one of its report.
@@ -190,14 +181,14 @@ class LiveSample:
         sample = self._require_ready()
         capture = sample.capture
         if name not in capture.regions:
-            raise InputError(f"there is no region {shortened(name)}")
+            raise errors.InputError(f"there is no region {shortened(name)}")
         region = capture.regions[name]
         if region.given is not None:
-            return described_spectrum(FINE_GRID.nm, region.given) | {"given": True}
+            return pointed_answers.described_spectrum(FINE_GRID.nm, region.given) | {"given": True}
         depends = depends_on(sample, name)
         if depends not in self._kept:
-            answer = answered_or_refused(
-                lambda: described_region(sample, *self._drawn_region(sample, name)))
+            answer = pointed_answers.answered_or_refused(
+                lambda: pointed_answers.described_region(sample, *self._drawn_region(sample, name)))
             with self._lock:
                 for old in list(self._kept)[:-MAX_KEPT]:
                     del self._kept[old]
@@ -226,7 +217,7 @@ class LiveSample:
         """
         of, _, found = self._result
         if found is None or of is not self._require_ready():
-            raise CheckError("the verdict on what is marked is still being worked out")
+            raise errors.CheckError("the verdict on what is marked is still being worked out")
         with self._advising:
             failed = found.failed_advice
             return found.advice.facts | {
@@ -264,7 +255,7 @@ class LiveSample:
 
     def _require_ready(self) -> PointedSample:
         if self._sample is None:
-            raise CheckError("chart and camera are still being calibrated")
+            raise errors.CheckError("chart and camera are still being calibrated")
         return self._sample
 
     def _work(self) -> None:
@@ -293,8 +284,8 @@ class LiveSample:
 
     def _described_now(self, sample: PointedSample) -> tuple[FlatResult, dict[str, Any]]:
         """The result of what is marked now, and what the page shows of it."""
-        found = result_now(sample, lambda name: self._drawn_region(sample, name)[1])
-        return found, described_result(found)
+        found = pointed_answers.result_now(sample, lambda name: self._drawn_region(sample, name)[1])
+        return found, pointed_answers.described_result(found)
 
     def _update(self, config: SessionConfig | None) -> None:
         """Bring what is known up to a session, or have a run begin that will."""
@@ -311,7 +302,8 @@ class LiveSample:
         if CHART not in done:
             self._chart = ("", {})
         elif self._chart[0] != charts:
-            self._chart = charts, described_charts(capture, done[CHART].read(ChartRecords))
+            self._chart = charts, pointed_answers.described_charts(capture,
+                                                                   done[CHART].read(ChartRecords))
         if len(done) < 2:
             self._sample = None
             self._begin(wanted)
@@ -329,7 +321,7 @@ class LiveSample:
                 self._sample = PointedSample(capture, calibrated)
                 self._state_anew()      # regions may have been marked meanwhile
 
-    def _opened(self, capture: FlatCapture) -> dict[str, LinearImage]:
+    def _opened(self, capture: captured.FlatCapture) -> dict[str, LinearImage]:
         """Every photo, developed; those of one file alone are shown too."""
         images = {}
         photos = OpenPhotos(capture)
@@ -359,7 +351,7 @@ class LiveSample:
         if key not in self._tried:
             self._tried.add(key)
             self._error = ""
-            with contextlib.suppress(CheckError):       # one has just begun
+            with contextlib.suppress(errors.CheckError):       # one has just begun
                 self._run.start(CALIBRATE)
         else:
             run = self._run.state()
@@ -368,7 +360,7 @@ class LiveSample:
                 self._error = "stopped before the calibration was made"
 
 
-def calibration_digest(capture: FlatCapture) -> str:
+def calibration_digest(capture: captured.FlatCapture) -> str:
     """Digest of what charts, photos and calibration rest on, the content of files apart."""
     return digest_of_parts(inputs_of_charts(capture) | inputs_of_calibration(capture)
                            | {"surfaces": {view.name: view.photo for view in capture.views}})
@@ -384,7 +376,7 @@ def depends_on(sample: PointedSample, name: str) -> str:
         "stray light": capture.stray_light})
 
 
-def part_of(capture: FlatCapture, role: str, rect: Sequence[float]) -> Region:
+def part_of(capture: captured.FlatCapture, role: str, rect: Sequence[float]) -> captured.Region:
     """A rectangle of a photo that is no region yet.
 
     Parameters
@@ -402,5 +394,6 @@ def part_of(capture: FlatCapture, role: str, rect: Sequence[float]) -> Region:
     """
     titles = [view.title for view in capture.views]
     if role not in titles:
-        raise InputError("a photo of the samples is needed")
-    return Region(outline=rectangle(rect), photos=(role,) if len(titles) > 1 else ())
+        raise errors.InputError("a photo of the samples is needed")
+    return captured.Region(outline=captured.rectangle(rect), photos=(role, ) if len(titles) > 1 else
+                           ())

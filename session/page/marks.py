@@ -13,22 +13,14 @@ import tomlkit
 from pydantic import Field
 from tomlkit.exceptions import TOMLKitError
 
-from spectrabox.radiometry.checked_tables import ListOf, Table, checked
+from spectrabox.radiometry import checked_tables
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.system.words import shortened
-from spectrabox.session.config.session_file import (
-    FILE_NAME,
-    inconsistencies,
-    session_content,
-    tables_of_text,
-    text_of,
-    toml_of,
-)
+from spectrabox.session.config import session_file
 from spectrabox.session.flat.new_session import known_file, typed_reflectance
-from spectrabox.session.page.mark_faults import mark_faults
 from spectrabox.session.page.photo_views import PhotoViews
-from spectrabox.session.page.written_session import Pixel
+from spectrabox.session.page.written_session import Pixel, mark_faults
 
 MAX_UNDO = 200
 RECEIVED = "spectra/"       # where spectra lie that the page was given
@@ -40,7 +32,7 @@ BYTE_ORDER_MARK = "\ufeff"
 LINE_FEED_ALONE = re.compile(r"(?<!\r)\n")
 
 
-class Mark(Table):
+class Mark(checked_tables.Table):
     """One mark, or its removal where it has no points.
 
     A region has two corners of a rectangle, or three or more of a polygon; the chart four corners
@@ -51,10 +43,12 @@ class Mark(Table):
 
     kind: Literal["region", "rename", "stated", "session", "view", "chart corners", "box corners"]
     name: str = Field("", description="of a region or view")
-    photo: str | ListOf[str] = Field("", description="views that a region lies in; empty for every "
-                                     "one")
-    points: ListOf[Pixel] = Field((), description="in pixels of the whole photo")
-    names: ListOf[str] = Field((), description="of the points of a box; the new name of a region")
+    photo: str | checked_tables.ListOf[str] = Field(
+        "", description="views that a region lies in; empty for every "
+        "one")
+    points: checked_tables.ListOf[Pixel] = Field((), description="in pixels of the whole photo")
+    names: checked_tables.ListOf[str] = Field(
+        (), description="of the points of a box; the new name of a region")
     stated: dict[str, str] = Field(
         default_factory=dict, description="of a region: family, surface, truth (a file), and "
         "known: its reflectance, a file or one number at all wavelengths; of the session: name, "
@@ -90,8 +84,8 @@ class MarkedSession:
         InputError
             If it cannot be read.
         """
-        content = session_content(self.folder)
-        text_of(content)
+        content = session_file.session_content(self.folder)
+        session_file.text_of(content)
         return content.decode(), hashlib.sha256(content).hexdigest()
 
     def can_undo(self, text: str) -> bool:
@@ -114,7 +108,7 @@ class MarkedSession:
             If it is no mark, the file has changed since, or the session would have a fault that it
             does not have now.
         """
-        mark = checked(Mark, written, "mark")
+        mark = checked_tables.checked(Mark, written, "mark")
         before = self._require_seen(seen)
         mark = self._with_known_file(mark)
         after = marked(before, mark)
@@ -128,7 +122,7 @@ class MarkedSession:
         if after != before:
             with self._lock:
                 self._require_seen(seen)
-                write_text_whole(self.folder / FILE_NAME, after)
+                write_text_whole(self.folder / session_file.FILE_NAME, after)
                 self._undo = [*self._undo, (before, after)][-MAX_UNDO:]
 
     def _with_known_file(self, mark: Mark) -> Mark:
@@ -146,10 +140,10 @@ class MarkedSession:
 
     def _faults(self, text: str, mark: Mark) -> list[str]:
         """What the session's file has wrong, and what the mark has on its photo."""
-        config, faults = tables_of_text(text, self.folder, self.allow_outside)
+        config, faults = session_file.tables_of_text(text, self.folder, self.allow_outside)
         if config is None:
             return faults
-        faults = inconsistencies(config)
+        faults = session_file.inconsistencies(config)
         return faults + mark_faults(config, mark.kind, mark.name, self._photos)
 
     def undo(self, seen: str) -> None:
@@ -163,15 +157,17 @@ class MarkedSession:
         with self._lock:
             text = self._require_seen(seen)
             if not self._undo or text != self._undo[-1][1]:
-                raise InputError(f"nothing to undo: {FILE_NAME} was changed elsewhere since the "
-                                 "last mark")
-            write_text_whole(self.folder / FILE_NAME, self._undo.pop()[0])
+                raise InputError(
+                    f"nothing to undo: {session_file.FILE_NAME} was changed elsewhere since the "
+                    "last mark")
+            write_text_whole(self.folder / session_file.FILE_NAME, self._undo.pop()[0])
 
     def _require_seen(self, seen: str) -> str:
         text, digest = self.read()
         if digest != seen:
-            raise InputError(f"{FILE_NAME} has changed since this page read it; look at it as it "
-                             "is now, and mark again")
+            raise InputError(
+                f"{session_file.FILE_NAME} has changed since this page read it; look at it as it "
+                "is now, and mark again")
         return text
 
 
@@ -190,7 +186,8 @@ def marked(text: str, mark: Mark) -> str:
         _write(document, mark)
         result = tomlkit.dumps(document)
     except (TOMLKitError, ValueError, RecursionError) as error:     # also a table that stands twice
-        raise InputError(f"{FILE_NAME} is not valid TOML: {error}; correct it first") from None
+        raise InputError(
+            f"{session_file.FILE_NAME} is not valid TOML: {error}; correct it first") from None
     if "\r\n" in text and not LINE_FEED_ALONE.search(text):     # what is new ends as the rest does
         result = LINE_FEED_ALONE.sub("\r\n", result)
     return text[:text.startswith(BYTE_ORDER_MARK)] + result
@@ -291,7 +288,7 @@ def _state_view(document: Any, mark: Mark) -> None:
 
 def _renamed(text: str, mark: Mark) -> str:
     """The text with another name for a region, in the header of its table alone."""
-    regions = toml_of(text).get("regions")
+    regions = session_file.toml_of(text).get("regions")
     if not isinstance(regions, dict) or mark.name not in regions or len(mark.names) != 1:
         raise InputError(f"there is no region {shortened(mark.name)} to rename")
     name, new = mark.name, mark.names[0]
@@ -303,9 +300,9 @@ def _renamed(text: str, mark: Mark) -> str:
                         re.MULTILINE)
     result = header.sub(lambda match: match[1] + tomlkit.key(new).as_string() + match[2], text)
     expected = {new if each == name else each: region for each, region in regions.items()}
-    if toml_of(result).get("regions") != expected:
+    if session_file.toml_of(result).get("regions") != expected:
         raise InputError(f"region {shortened(name)} is written in a way that this page cannot "
-                         f"rename; rename it in {FILE_NAME}")
+                         f"rename; rename it in {session_file.FILE_NAME}")
     return result
 
 
@@ -313,7 +310,8 @@ def _mark_box(document: Any, mark: Mark, points: list[list[float]]) -> None:
     if len(mark.names) != len(points):
         raise InputError(f"{len(points)} corners of a box have {len(mark.names)} names")
     if "box" not in _table(document, "scene"):
-        raise InputError(f"{FILE_NAME} has no [scene.box] whose corners could be marked")
+        raise InputError(
+            f"{session_file.FILE_NAME} has no [scene.box] whose corners could be marked")
     camera = _table(_table(document["scene"], "box"), "camera")
     for key in ("at_mm", "look_at_mm"):         # a camera is measured or found
         camera.pop(key, None)
@@ -333,7 +331,7 @@ def _table(parent: Any, name: str, is_super_table: bool | None = None) -> Any:
     if name not in parent:
         parent[name] = tomlkit.table(is_super_table)
     if not isinstance(parent[name], MutableMapping):
-        raise InputError(f"{FILE_NAME}: [{name}] must be a table; correct it first")
+        raise InputError(f"{session_file.FILE_NAME}: [{name}] must be a table; correct it first")
     return parent[name]
 
 

@@ -11,10 +11,9 @@ from typing import TypeVar
 import numpy as np
 
 from spectrabox.capture.develop.developed import open_any
+from spectrabox.capture.photo import preview
 from spectrabox.capture.photo.image_writers import write_jpeg, write_png
 from spectrabox.capture.photo.linear import signal_alone, tile_step
-from spectrabox.capture.photo.orientation import AS_READ, turned, turned_array
-from spectrabox.capture.photo.preview import signal_rgb8, whites
 from spectrabox.capture.photo.raw import decode
 from spectrabox.capture.photo.stored_images import is_image_file
 from spectrabox.radiometry.errors import InputError
@@ -33,7 +32,7 @@ class PhotoFile:
     """A photo's file, and how it is turned."""
 
     path: Path
-    orientation: int = AS_READ      # as EXIF numbers it
+    orientation: int = preview.AS_READ      # as EXIF numbers it
 
 
 @dataclass(frozen=True)
@@ -99,7 +98,7 @@ class PhotoViews:
         """
         key = _key(file)
         with self._lock:
-            return _kept(self._clipped, key, lambda: turned_array(
+            return _kept(self._clipped, key, lambda: preview.turned_array(
                 open_any(file.path, not_linear=True).saturated, file.orientation))
 
     def keep(self, file: PhotoFile, image: LinearImage) -> None:
@@ -114,7 +113,7 @@ class PhotoViews:
         key = _key(file)
         with self._lock:
             _kept(self._photos, key, lambda: OpenPhoto(image.signal, image.sensor_step,
-                                                       whites(image.signal)))
+                                                       preview.whites(image.signal)))
             _kept(self._clipped, key, lambda: image.saturated)
 
     def described(self, file: PhotoFile) -> dict[str, object]:
@@ -145,7 +144,7 @@ class PhotoViews:
         with self._lock:
             if key not in photo.tiles:
                 cut = photo.reduced(halvings)[top:top + TILE, left:left + TILE]
-                shown = signal_rgb8(cut, white=photo.white)
+                shown = preview.signal_rgb8(cut, white=photo.white)
                 for old in list(photo.tiles)[:-MAX_TILES]:
                     del photo.tiles[old]
                 photo.tiles[key] = encoded(shown, write_jpeg, ".jpg") if halvings else \
@@ -212,7 +211,8 @@ def _opened(file: PhotoFile) -> OpenPhoto:
     if not is_image_file(file.path):
         frame = decode(file.path)
         if isinstance(frame, RawFrame):
-            signal = turned_array(signal_alone(frame), file.orientation)
-            return OpenPhoto(signal, float(tile_step(frame.cfa, frame.file)), whites(signal))
-    image = turned(open_any(file.path, not_linear=True), file.orientation)
-    return OpenPhoto(image.signal, image.sensor_step, whites(image.signal))
+            signal = preview.turned_array(signal_alone(frame), file.orientation)
+            return OpenPhoto(signal, float(tile_step(frame.cfa, frame.file)),
+                             preview.whites(signal))
+    image = preview.turned(open_any(file.path, not_linear=True), file.orientation)
+    return OpenPhoto(image.signal, image.sensor_step, preview.whites(image.signal))

@@ -1,4 +1,6 @@
-"""Spectra of a photo's parts as the page shows them."""
+"""Spectra of a photo's parts, and the result of what is marked now, as the page shows them."""
+
+
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
@@ -6,19 +8,23 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure import rules, texts
-from spectrabox.measure.captured import FlatCapture, Region
-from spectrabox.measure.records import ChartRecords
+from spectrabox.measure import captured, conditions, rules, texts
+from spectrabox.measure.opened_photos import OpenPhotos
+from spectrabox.measure.records import ChartRecords, SampleRecords
 from spectrabox.measure.regions.flat_signals import RegionSignal
 from spectrabox.measure.regions.pointing import PointedSample
-from spectrabox.measure.steps.photos import UNEVEN, uneven_region
-from spectrabox.measure.surfaces.colour_comparison import compare_colours
-from spectrabox.measure.surfaces.metamers import LIGHTS
+from spectrabox.measure.results.flat_result import FlatResult, flat_result
+from spectrabox.measure.steps import declared_steps, photos
+from spectrabox.measure.steps.measurement import InMemory, MemoryKeeper
+from spectrabox.measure.steps.signals import find_signals
+from spectrabox.measure.steps.work import Work
+from spectrabox.measure.surfaces.colour_comparison import LIGHTS, compare_colours
 from spectrabox.measure.surfaces.surface_signals import errors_by_cause
-from spectrabox.radiometry.appearance import delta_e00, reflectance_to_lab, reflectance_to_srgb
+from spectrabox.radiometry import appearance
 from spectrabox.radiometry.errors import SpectraboxError
-from spectrabox.radiometry.findings import faults
+from spectrabox.radiometry.findings import Finding, faults
 from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.records.spectra import Spectrum, SurfaceSpectrum
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
@@ -35,7 +41,7 @@ def answered_or_refused(estimate: Callable[[], dict[str, Any]]) -> dict[str, Any
         return {"refused": str(error)}
 
 
-def described_charts(capture: FlatCapture, records: ChartRecords) -> dict[str, Any]:
+def described_charts(capture: captured.FlatCapture, records: ChartRecords) -> dict[str, Any]:
     """Of each photo with a chart, by the title of its role: patches, and whether to use it."""
     charts = {}
     for view in capture.views_with_chart:
@@ -53,9 +59,9 @@ def described_region(sample: PointedSample, signal: RegionSignal,
     """The spectrum of a region of the session for the page, as its report has it."""
     summary, draws = spectrum.summary, spectrum.samples
     answer = described_spectrum(summary.grid.nm, summary.mean) | described(
-        signal, summary.lower, summary.upper, reflectance_to_lab(draws.grid.nm, draws.spectra),
-        spectrum.family_shares, spectrum.variance_shares) | {
-            "next_nm": summary.next_measurement_nm}
+        signal, summary.lower, summary.upper,
+        appearance.reflectance_to_lab(draws.grid.nm, draws.spectra), spectrum.family_shares,
+        spectrum.variance_shares) | {"next_nm": summary.next_measurement_nm}
     if (truth := sample.capture.regions[signal.signals.names[0]].truth) is not None:
         answer["truth"] = described_truth(truth, summary.grid.nm, summary.mean)
     return answer
@@ -65,23 +71,23 @@ def described_truth(truth: Spectrum, nm: np.ndarray, mean: np.ndarray) -> dict[s
     """A measured spectrum beside an estimate, and how far their colours are apart."""
     measured = spectrum_on_grid(truth, FINE_GRID)
     return {"nm": FINE_GRID.nm[::5].tolist(), "values": _rounded(measured[::5]),
-            "lab": _rounded(reflectance_to_lab(FINE_GRID.nm, measured)),
-            "delta_e00": round(delta_e00(FINE_GRID.nm, measured,
+            "lab": _rounded(appearance.reflectance_to_lab(FINE_GRID.nm, measured)),
+            "delta_e00": round(appearance.delta_e00(FINE_GRID.nm, measured,
                                          np.interp(FINE_GRID.nm, nm, mean)), 2)}
 
 
-def described_part(sample: PointedSample, region: Region) -> dict[str, Any]:
+def described_part(sample: PointedSample, region: captured.Region) -> dict[str, Any]:
     """The same of any part of a photo, in closed form."""
     signal, posterior = sample.pointed(region)
     nm = PRIOR_GRID.nm
     return described_spectrum(nm, posterior.mean) | described(
         signal, *posterior.band(sample.capture.sampling.level),
-        reflectance_to_lab(nm, posterior.draws(POINTED_DRAWS, 1)), posterior.family_shares,
-        posterior.variance_shares(errors_by_cause(signal.signals, 0)))
+        appearance.reflectance_to_lab(nm, posterior.draws(POINTED_DRAWS, 1)),
+        posterior.family_shares, posterior.variance_shares(errors_by_cause(signal.signals, 0)))
 
 
 def described_comparison(sample: PointedSample,
-                         picked: Sequence[tuple[str, Region]]) -> dict[str, Any]:
+                         picked: Sequence[tuple[str, captured.Region]]) -> dict[str, Any]:
     """Two parts of photos beside each other, each with its title."""
     (first, region), (second, other) = picked
     pointed = [sample.pointed(region), sample.pointed(other)]
@@ -104,8 +110,8 @@ def described(signal: RegionSignal, lower: np.ndarray, upper: np.ndarray, labs: 
     notes, name = [], signal.signals.names[0]
     if signal.edge is not None:
         notes.append(texts.says(rules.edge_in(name, signal.edge)))
-    elif signal.scatter > UNEVEN:
-        notes.append(texts.says(uneven_region(name, signal.scatter)))
+    elif signal.scatter > photos.UNEVEN:
+        notes.append(texts.says(photos.uneven_region(name, signal.scatter)))
     return {"lower": _rounded(lower), "upper": _rounded(upper),
             "lab_error": _rounded(labs.std(axis=0)), "families": _largest(families),
             "causes": _largest(causes), "light": list(signal.light), "notes": notes}
@@ -114,8 +120,8 @@ def described(signal: RegionSignal, lower: np.ndarray, upper: np.ndarray, labs: 
 def described_spectrum(nm: np.ndarray, reflectance: np.ndarray) -> dict[str, Any]:
     """A reflectance (P,) and its colour under D65."""
     return {"nm": nm.tolist(), "mean": _rounded(reflectance),
-            "lab": _rounded(reflectance_to_lab(nm, reflectance)),
-            "hex": hex_colour(reflectance_to_srgb(nm, reflectance))}
+            "lab": _rounded(appearance.reflectance_to_lab(nm, reflectance)),
+            "hex": hex_colour(appearance.reflectance_to_srgb(nm, reflectance))}
 
 
 def hex_colour(srgb: np.ndarray) -> str:
@@ -131,3 +137,62 @@ def _largest(shares: Mapping[str, float]) -> list[tuple[str, float]]:
 
 def _rounded(values: np.ndarray, decimals: int = 5) -> list[float]:
     return [round(float(value), decimals) for value in values]
+
+
+# ---- the result of what is marked now, before any report: its verdict, and what it rests on ------
+
+class PhotosAtHand(OpenPhotos):
+    """Photos of a capture that are developed already.
+
+    Parameters
+    ----------
+    capture : FlatCapture
+    images : mapping
+        By view.
+    """
+
+    def __init__(self, capture: captured.FlatCapture, images: Mapping[str, LinearImage]) -> None:
+        super().__init__(capture)
+        self._images = [(view.photo, images[view.name]) for view in capture.views]
+
+    def developed(self, photo: captured.PhotoFiles) -> tuple[LinearImage, tuple[Finding, ...]]:
+        """The photo; what else showed of it is the report's."""
+        return next(image for files, image in self._images if files == photo), ()
+
+
+def result_now(sample: PointedSample,
+               drawn: Callable[[str], SurfaceSpectrum]) -> FlatResult:
+    """What a run would find of the regions that are marked now, but for the picture.
+
+    Parameters
+    ----------
+    sample : PointedSample
+        With a region that is not known.
+    drawn : callable
+        The spectrum of a region by its name.
+
+    Raises
+    ------
+    SpectraboxError
+        As the steps.
+    """
+    capture, calibrated = sample.capture, sample.calibrated
+    keeper = MemoryKeeper(kept={"chart": InMemory(calibrated.records.chart),
+                                "calibrate": InMemory(calibrated.records.calibrate)})
+    work = Work(PhotosAtHand(capture, calibrated.images), lambda share, message: None)
+    keeper.keep(declared_steps.FLAT_PHOTOS, lambda progress, folder: photos.measure_flat_photos(
+        capture, keeper.records, work))
+    keeper.keep(declared_steps.SIGNALS,
+                lambda progress, folder: find_signals(capture, keeper.records, work))
+    keeper.keep(declared_steps.FLAT_SPECTRA, lambda progress, folder: SampleRecords(
+        {name: drawn(name) for name, region in capture.regions.items()
+         if region.given is None}))
+    return flat_result(capture, keeper.records)
+
+
+def described_result(found: FlatResult) -> dict[str, Any]:
+    """Verdict and conditions for the page, as the report has them."""
+    return {"status": found.verdict.word, "condition": found.verdict.condition,
+            "says": found.verdict.says,
+            "findings": [texts.facts(one) for one in found.findings],
+            "conditions": [conditions.facts(one) for one in found.conditions]}

@@ -11,7 +11,7 @@ from starlette.responses import FileResponse, Response
 from starlette.routing import BaseRoute, Route
 
 from spectrabox.radiometry.errors import SpectraboxError
-from spectrabox.session.page.answers import Answer, answered, receiving, refused
+from spectrabox.session.page import answers
 from spectrabox.session.page.photo_views import PhotoFile
 from spectrabox.session.page.session_page import MARKED, SessionPage
 from spectrabox.session.page.start_page import StartPage
@@ -25,7 +25,7 @@ def start_routes(page: StartPage, when_opened: Callable[[], None]) -> list[BaseR
     """What the page answers from which sessions are opened and made."""
     return [*_shell("start.html", when_opened),
             _get("/api/sessions", lambda asked: page.sessions()),
-            _taking("/api/photo", receiving(page.received)),
+            _taking("/api/photo", answers.receiving(page.received)),
             _post("/api/new", lambda asked: page.make(asked["names"])),
             _post("/api/open", lambda asked: page.open(asked["name"]))]
 
@@ -60,7 +60,7 @@ def _report(page: SessionPage) -> list[BaseRoute]:
     async def report(request: Request) -> Response:
         path = page.report.path
         if path.is_symlink() or not path.is_file():
-            return refused("there is no report yet", 404)
+            return answers.refused("there is no report yet", 404)
         return FileResponse(path)
 
     async def export(request: Request) -> Response:
@@ -69,12 +69,12 @@ def _report(page: SessionPage) -> list[BaseRoute]:
             try:
                 text = await run_in_threadpool(page.live.export, Path(name).suffix)
             except SpectraboxError as error:
-                return refused(str(error), 409)
+                return answers.refused(str(error), 409)
             return Response(text, headers={"content-disposition": f'attachment; filename="{name}"'},
                             media_type="text/plain; charset=utf-8")
         path = page.report.exports().get(name)
         if path is None:
-            return refused("there is no such file", 404)
+            return answers.refused("there is no such file", 404)
         return FileResponse(path, filename=path.name)
 
     return [Route("/report", report), Route("/api/export", export)]
@@ -92,7 +92,7 @@ def _photos(page: SessionPage) -> list[BaseRoute]:
         of_photo("/api/tile", lambda file, asked: views.tile(
             file, *(int(asked[name]) for name in ("halvings", "column", "row")))),
         of_photo("/api/value", lambda file, asked: views.value(file, *_pixels(asked, ("x", "y")))),
-        _taking("/api/file", receiving(page.received))]
+        _taking("/api/file", answers.receiving(page.received))]
 
 
 def _spectra(page: SessionPage) -> list[BaseRoute]:
@@ -126,14 +126,14 @@ def _meter(page: SessionPage) -> list[BaseRoute]:
 
 
 def _get(path: str, work: Callable[[Any], Any]) -> BaseRoute:
-    return Route(path, answered(work))
+    return Route(path, answers.answered(work))
 
 
 def _post(path: str, work: Callable[[Any], Any]) -> BaseRoute:
-    return _taking(path, answered(work))
+    return _taking(path, answers.answered(work))
 
 
-def _taking(path: str, answer: Answer) -> BaseRoute:
+def _taking(path: str, answer: answers.Answer) -> BaseRoute:
     return Route(path, answer, methods=["POST"])
 
 

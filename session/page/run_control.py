@@ -1,7 +1,19 @@
-"""A run of the session as a child process: what it says, and stopping it."""
+"""A run of the session as a child process: what it says, stopping it, and that it ends with the
+page.
+
+A command that ends with its standard input, a pipe whose other end the page holds.
+
+A page that is killed closes it too. A process of its own watches the pipe: a thread of the command
+would wait for a library that holds the interpreter.
+"""
+
+
 from __future__ import annotations
 
+import contextlib
 import json
+import os
+import signal
 import subprocess
 import sys
 import threading
@@ -12,7 +24,48 @@ from pathlib import Path
 from typing import Any
 
 from spectrabox.radiometry.errors import CheckError, EnvironmentProblem
-from spectrabox.session.page.held_run import GRACE_S, kill_group
+
+GRACE_S = 1.0       # for a command that was asked to end
+
+
+def main() -> None:
+    """Run the command of the arguments, to its end or to that of standard input."""
+    command = subprocess.Popen(sys.argv[1:], stdin=subprocess.DEVNULL)
+    threading.Thread(target=_end_with_input, args=(command,), daemon=True).start()
+    code = command.wait()
+    sys.exit(code if code >= 0 else 128 - code)
+
+
+def _end_with_input(command: subprocess.Popen[bytes]) -> None:
+    while os.read(0, 1):
+        pass
+    # not SIGINT, on which an interpreter that has just begun prints a traceback
+    command.terminate()
+    try:
+        command.wait(GRACE_S)
+    except subprocess.TimeoutExpired:
+        command.kill()
+        kill_group(0)
+
+
+def kill_group(leader: int) -> None:
+    """End a process and what it has started, where the system has groups of processes.
+
+    Parameters
+    ----------
+    leader : int
+        0 for the group of this process.
+    """
+    if hasattr(os, "killpg"):
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(leader, signal.SIGKILL)
+
+
+if __name__ == "__main__":
+    main()
+
+
+# ---- a run of the session as a child process: what it says, and stopping it ----------------------
 
 MAX_LINES = 200
 PATIENCE_S = GRACE_S + 0.5      # after which a run that was asked to stop is ended
@@ -33,7 +86,7 @@ class RunControl:
         # -P: no module comes from the working folder, which may be a stranger's session
         self._command = [sys.executable, "-P", "-m", "spectrabox", "run", str(folder), "--json",
                          *options]
-        self._holder = [sys.executable, "-P", "-m", "spectrabox.session.page.held_run"]
+        self._holder = [sys.executable, "-P", "-m", "spectrabox.session.page.run_control"]
         self.when_ended: Callable[[], None] = lambda: None
         self._process: subprocess.Popen[str] | None = None
         self._lines: deque[str] = deque(maxlen=MAX_LINES)

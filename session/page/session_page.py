@@ -7,29 +7,23 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import IO, Any
 
-from spectrabox.capture.photo.orientation import photo_orientation
+from spectrabox.capture.photo.preview import photo_orientation
 from spectrabox.measure.shoot.inputs import chart_of
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import InputError, SpectraboxError
 from spectrabox.radiometry.files import whole_file, writable
 from spectrabox.radiometry.system.words import plain, shortened
 from spectrabox.session.config.session_file import SessionConfig, session_of_text
-from spectrabox.session.kept_stages import stage_states
 from spectrabox.session.meters.page_meter import PageMeter
+from spectrabox.session.page import written_session
+from spectrabox.session.page.answers import safe_name, unused_path
 from spectrabox.session.page.last_report import LastReport
 from spectrabox.session.page.live import LiveSample
 from spectrabox.session.page.marks import MarkedSession
 from spectrabox.session.page.photo_views import PhotoFile, PhotoViews
-from spectrabox.session.page.received_files import safe_name, unused_path
 from spectrabox.session.page.run_control import RunControl
 from spectrabox.session.page.shooting import PHOTO_SUFFIXES, Shooting
-from spectrabox.session.page.written_session import (
-    corner_names,
-    facts_of,
-    marks_of,
-    photos_of,
-    shown_tables,
-)
+from spectrabox.session.pipeline import stage_states
 
 MARKED = ("marked.csv", "marked.spdx")      # spectra of what is marked now
 
@@ -99,10 +93,10 @@ class SessionPage:
         # spectra while one points are of flat samples alone
         self.live.follow(config if config is not None and config.flat else None)
         live = self.live.state()
-        tables = shown_tables(text)
-        marks = marks_of(tables)
+        tables = written_session.shown_tables(text)
+        marks = written_session.marks_of(tables)
         photos = []
-        for role, name in photos_of(tables).items():
+        for role, name in written_session.photos_of(tables).items():
             path = self._inside(name)
             if path is not None:
                 photos.append({"role": role, "file": name, "there": path.is_file()})
@@ -111,13 +105,15 @@ class SessionPage:
             marked = MARKED
         named = tables is not None and "name" in tables.session.model_fields_set
         name = tables.session.name if tables is not None and named else plain(self.folder.name)
-        return {"name": name, "digest": digest, "problems": problems,
-                "photos": photos, "undo": self.marks.can_undo(text), "marks": marks,
-                "corner_names": corner_names(tables), "facts": facts_of(tables),
-                "stages": self._stages(text, config), "run": self.run.state(),
-                "live": live, "report": self.report.stamp(),
-                "exports": [*marked, *self.report.exports()], "reported": self.report.verdict(),
-                "shooting": None if self.shooting is None else self.shooting.state()}
+        return {
+            "name": name, "digest": digest, "problems": problems, "photos": photos, "undo":
+            self.marks.can_undo(text), "marks": marks, "corner_names":
+            written_session.corner_names(tables), "facts": written_session.facts_of(tables),
+            "stages": self._stages(text, config), "run": self.run.state(), "live": live, "report":
+            self.report.stamp(), "exports": [*marked, *self.report.exports()
+                                             ], "reported": self.report.verdict(), "shooting":
+            None if self.shooting is None else self.shooting.state()
+        }
 
     def photo_file(self, role: str) -> PhotoFile:
         """File of a photo by what it is, or of a new shot of the watched folder.
@@ -131,8 +127,8 @@ class SessionPage:
         if kind == "shot" and self.shooting is not None:
             shot = self.shooting.path(name)
             return PhotoFile(shot, photo_orientation(shot))
-        tables = shown_tables(self.marks.read()[0])
-        named = photos_of(tables)
+        tables = written_session.shown_tables(self.marks.read()[0])
+        named = written_session.photos_of(tables)
         if tables is not None and role in named:
             path = self._inside(named[role])
             if path is not None:

@@ -10,14 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from spectrabox.capture.develop.developed import open_any
-from spectrabox.capture.photo.orientation import photo_orientation, turned
-from spectrabox.measure import texts
-from spectrabox.measure.photo_quality import (
-    brightest_signal,
-    clipped_share,
-    exposure_stops,
-    judge_photo,
-)
+from spectrabox.capture.photo.preview import photo_orientation, turned
+from spectrabox.measure import photo_quality, texts
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import InputError, SpectraboxError
 from spectrabox.radiometry.findings import faults
@@ -141,7 +135,7 @@ class Shooting:
         try:
             path = self.folder / name
             image = turned(open_any(path, not_linear=True), photo_orientation(path))
-            findings, chart = judge_photo(image, self._chart)
+            findings, chart = photo_quality.judge_photo(image, self._chart)
         except (SpectraboxError, OSError, MemoryError) as error:
             verdict, reason = RE_SHOOT, describe_error(error)[0]
         except Exception as error:  # noqa: BLE001 - a fault of ours must not end the watch
@@ -150,7 +144,8 @@ class Shooting:
         else:
             return Shot(plain(name), RE_SHOOT if faults(findings) else GOOD,
                         texts.reasons(findings), [texts.facts(one) for one in findings], chart,
-                        clipped_share(image), brightest_signal(image), exposure_stops(image),
+                        photo_quality.clipped_share(image), photo_quality.brightest_signal(image),
+                        photo_quality.exposure_stops(image),
                         time.monotonic() - since)
         if not give_up:
             return None

@@ -19,7 +19,7 @@ from spectrabox.session.flat.new_session import (
     new_session,
     tables_without_regions,
 )
-from spectrabox.session.page.received_files import safe_name, unused_path
+from spectrabox.session.page.answers import safe_name, unused_path
 from spectrabox.session.page.session_page import SessionPage
 from spectrabox.session.page.shooting import PHOTO_SUFFIXES
 

@@ -1,20 +1,53 @@
-"""One card a surface: its colour, spectrum and doubts at a glance, and folded on it all details."""
+"""Two spectra that the photo cannot tell apart, as numbers and as a drawing."""
+
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from markupsafe import Markup
 
 from spectrabox.measure.advice.advice import Advice, Advised
 from spectrabox.measure.results.surface_result import SurfaceResult
-from spectrabox.measure.surfaces.metamers import LIGHTS, MetamerPair
+from spectrabox.measure.surfaces.colour_comparison import LIGHTS, MetamerPair
 from spectrabox.radiometry.findings import Finding
 from spectrabox.sampling.prior.family_coverage import FamilyCoverage, certified_sentence
-from spectrabox.session.report.metamers import metamer_drawing
-from spectrabox.session.report.patch_colours import css_colour, hex_colour
-from spectrabox.session.report.small_figures import error_budget_bars
-from spectrabox.session.report.spectra import every_10_nm, spectrum_figure, surface_curves
+from spectrabox.session.report import spectra
+from spectrabox.session.report.figures import error_budget_bars
+from spectrabox.session.report.svg import figure
+
+WIDTH, HEIGHT = 300, 90         # of the drawing, in its own unit
+COLOURS = ("#1f4e8c", "#b3261e")
+
+
+def metamer_facts(pair: MetamerPair) -> dict[str, Any]:
+    """The pair as numbers for the page's data."""
+    return {"nm": pair.grid.nm, "spectra": pair.spectra, "apart_nm": pair.apart_nm,
+            "delta_e00": dict(zip(LIGHTS, pair.delta_e00.tolist(), strict=True))}
+
+
+@figure("spectra that look alike")
+def metamer_drawing(pair: MetamerPair) -> Markup:
+    """Both spectra as a small drawing: 0 to 1 upwards, the wavelengths of their grid across."""
+    nm = pair.grid.nm
+    across = (nm - nm[0]) / (nm[-1] - nm[0]) * WIDTH
+    lines = "".join(
+        f'<polyline fill="none" stroke="{colour}" stroke-width="1.6" points="'
+        + " ".join(f"{x:.1f},{HEIGHT * (1 - y):.1f}" for x, y in zip(across, values, strict=True))
+        + '"/>' for colour, values in zip(COLOURS, pair.spectra, strict=True))
+    apart = (pair.apart_nm - nm[0]) / (nm[-1] - nm[0]) * WIDTH
+    label = (f"Two spectra between {nm[0]:.0f} and {nm[-1]:.0f} nm that give one signal, furthest "
+             f"apart at {pair.apart_nm:.0f} nm")
+    return Markup(f'<svg class="metamers" role="img" aria-label="{label}" viewBox="-1 -1 '
+                  f'{WIDTH + 2} {HEIGHT + 2}"><rect width="{WIDTH}" height="{HEIGHT}" fill="none" '
+                  f'stroke="#8a8a85" stroke-width=".6"/><line x1="{apart:.1f}" x2="{apart:.1f}" '
+                  f'y1="0" y2="{HEIGHT}" stroke="#8a8a85" stroke-width=".8" '
+                  f'stroke-dasharray="3 2"/>{lines}</svg>')
+
+
+# ---- one card a surface --------------------------------------------------------------------------
 
 MAX_CAUSES, SMALL_SHARE = 3, 0.01     # of the spectrum's variance, named on a card
 UNTESTED = "band of untested coverage"
@@ -30,7 +63,7 @@ class Metamers:
     @property
     def lights(self) -> list[tuple[str, str, str, float]]:
         """Of each light its name, both colours as CSS writes them, and their CIEDE2000."""
-        return [(name, css_colour(one), css_colour(other), float(difference))
+        return [(name, spectra.css_colour(one), spectra.css_colour(other), float(difference))
                 for name, (one, other), difference
                 in zip(LIGHTS, self.pair.srgb, self.pair.delta_e00, strict=True)]
 
@@ -54,12 +87,12 @@ class Card:
     @property
     def css(self) -> str:
         """The colour as CSS writes it."""
-        return css_colour(self.surface.srgb)
+        return spectra.css_colour(self.surface.srgb)
 
     @property
     def hex(self) -> str:
         """The colour as web pages write it."""
-        return hex_colour(self.surface.srgb)
+        return spectra.hex_colour(self.surface.srgb)
 
     @property
     def largest_causes(self) -> list[tuple[str, float]]:
@@ -89,15 +122,15 @@ def answer_cards(surfaces: Sequence[SurfaceResult], doubts: Mapping[str, tuple[s
 
 def _card(number: int, index: int, surface: SurfaceResult, doubts: tuple[str, ...],
           common: Sequence[Finding], advice: tuple[Advice, ...]) -> Card:
-    curves, metamers = surface_curves(surface), None
+    curves, metamers = spectra.surface_curves(surface), None
     told = () if surface.samples is None else surface.samples.findings  # where it is doubtful
     if surface.metamers is not None:
         metamers = Metamers(surface.metamers, metamer_drawing(surface.metamers))
     return Card(
         f"material-{number}", index, surface, (*doubts, UNTESTED) if surface.untested else doubts,
-        spectrum_figure(f"spectrum-{number}", surface),
+        spectra.spectrum_figure(f"spectrum-{number}", surface),
         error_budget_bars(f"budget-{number}", surface), metamers, tuple(curves),
-        every_10_nm(surface.nm, curves), advice,
+        spectra.every_10_nm(surface.nm, curves), advice,
         tuple(one for one in _assumptions(surface) if one not in common and one not in told))
 
 

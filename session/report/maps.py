@@ -11,22 +11,9 @@ import numpy as np
 from markupsafe import Markup
 
 from spectrabox.radiometry.appearance import encode_srgb
+from spectrabox.radiometry.records import scenes
 from spectrabox.radiometry.records.calibration import SensitivityFit
-from spectrabox.radiometry.records.scenes import (
-    MarkedView,
-    Placement,
-    Reconstruction,
-    SceneGeometry,
-)
-from spectrabox.session.report.pictures import (
-    SIGNED,
-    coloured,
-    picture_data_uri,
-    pixels_data_uri,
-    png_size,
-    rgb_of,
-)
-from spectrabox.session.report.svg import MarkLink, Plot, figure, plain_line
+from spectrabox.session.report import pictures, svg
 
 PANEL_PX = 320  # at least, of each picture of a comparison
 WIDE, GAP, TITLE = 691.0, 8.0, 14.0     # in points: a figure across the page, between its panels
@@ -55,7 +42,7 @@ def display_bands(fit: SensitivityFit) -> list[int]:
     return [int(order[-1]), int(order[len(order) // 2]), int(order[0])]
 
 
-def comparison_rgb8(made: Reconstruction, fit: SensitivityFit) -> np.ndarray:
+def comparison_rgb8(made: scenes.Reconstruction, fit: SensitivityFit) -> np.ndarray:
     """Photo, rendering and signed residual side by side (h, w, 3) as 8-bit sRGB.
 
     Photo and rendering are stretched alike; the residual is the mean over the bands on a scale of
@@ -66,14 +53,14 @@ def comparison_rgb8(made: Reconstruction, fit: SensitivityFit) -> np.ndarray:
     used = np.isfinite(residuals).all(axis=2)
     mean = np.where(used, np.where(used[..., None], residuals, 0).mean(axis=2), 0)
     limit = residual_limit(residuals)
-    residual = coloured(0.5 + 0.5 * mean / limit, SIGNED)
-    residual[~used] = rgb_of(UNUSED)
+    residual = pictures.coloured(0.5 + 0.5 * mean / limit, pictures.SIGNED)
+    residual[~used] = pictures.rgb_of(UNUSED)
     enlarged = -(-PANEL_PX // photo.shape[1])
     strip = np.concatenate([photo, rendering, residual], axis=1)
     return np.round(255 * strip).astype(np.uint8).repeat(enlarged, axis=0).repeat(enlarged, axis=1)
 
 
-def _stretched(made: Reconstruction, chosen: list[int]) -> tuple[np.ndarray, np.ndarray]:
+def _stretched(made: scenes.Reconstruction, chosen: list[int]) -> tuple[np.ndarray, np.ndarray]:
     """Photo and rendering (H, W, 3) divided by white, stretched by one factor and encoded for the
     screen.
     """
@@ -85,8 +72,8 @@ def _stretched(made: Reconstruction, chosen: list[int]) -> tuple[np.ndarray, np.
                                                                       / stretch)
 
 
-@figure("photo and rendering")
-def pair_figure(name: str, made: Reconstruction, fit: SensitivityFit,
+@svg.figure("photo and rendering")
+def pair_figure(name: str, made: scenes.Reconstruction, fit: SensitivityFit,
                 bands: tuple[str, ...]) -> Markup:
     """Photo and rendering side by side, divided by white and stretched by one common factor.
 
@@ -104,15 +91,15 @@ def pair_figure(name: str, made: Reconstruction, fit: SensitivityFit,
     plot = _sheet(name, height)
     for (left, top, right, bottom), image, title in zip(
             panels, _stretched(made, chosen), ("Photo", "Rendering"), strict=True):
-        plot.picture((left, top, right, bottom), pixels_data_uri(image))
+        plot.picture((left, top, right, bottom), pictures.pixels_data_uri(image))
         plot.words((left + right) / 2, top - 4, title, 8.5)
     shown = ", ".join(bands[k] for k in chosen)
     return plot.drawn("Photo and rendering", f"Bands {shown} shown as red, green and blue.")
 
 
-@figure("the photo")
-def linked_photo(name: str, made: Reconstruction, fit: SensitivityFit,
-                 links: Mapping[str, MarkLink]) -> Markup:
+@svg.figure("the photo")
+def linked_photo(name: str, made: scenes.Reconstruction, fit: SensitivityFit,
+                 links: Mapping[str, svg.MarkLink]) -> Markup:
     """The photo alone; every surface leads to the card of its material.
 
     Parameters
@@ -125,10 +112,10 @@ def linked_photo(name: str, made: Reconstruction, fit: SensitivityFit,
         From the name of a material.
     """
     height, width = made.surface.shape
-    plot = Plot(name, PHOTO_WIDTH, _panel_height(PHOTO_WIDTH, height, width), (-0.5, width - 0.5),
-                (height - 0.5, -0.5), (0, 0, 0, 0))
+    plot = svg.Plot(name, PHOTO_WIDTH, _panel_height(PHOTO_WIDTH, height, width),
+                    (-0.5, width - 0.5), (height - 0.5, -0.5), (0, 0, 0, 0))
     photo, _ = _stretched(made, display_bands(fit))
-    plot.picture((-0.5, -0.5, width - 0.5, height - 0.5), pixels_data_uri(photo))
+    plot.picture((-0.5, -0.5, width - 0.5, height - 0.5), pictures.pixels_data_uri(photo))
     for s, material in enumerate(made.agreement.materials):
         rows, columns = np.nonzero(np.diff(np.pad(made.surface == s, ((0, 0), (1, 1))).astype(int)))
         starts, ends = columns[::2], columns[1::2]      # of each run of pixels in a row
@@ -136,12 +123,13 @@ def linked_photo(name: str, made: Reconstruction, fit: SensitivityFit,
             runs = zip(plot.x(starts - 0.5).tolist(), plot.x(ends - 0.5).tolist(),
                        plot.y(rows[::2] - 0.5).tolist(), plot.y(rows[::2] + 0.5).tolist(),
                        strict=True)
-            plot.linked("".join(f"M{x0:.1f} {y0:.1f}H{x1:.1f}V{y1:.1f}H{x0:.1f}z"
-                                for x0, x1, y0, y1 in runs), plain_line(material), links[material])
+            plot.linked(
+                "".join(f"M{x0:.1f} {y0:.1f}H{x1:.1f}V{y1:.1f}H{x0:.1f}z"
+                        for x0, x1, y0, y1 in runs), svg.plain_line(material), links[material])
     return plot.drawn("Photo", "The photo; each surface leads to the card of its material.")
 
 
-def residual_maps(made: Reconstruction) -> np.ndarray:
+def residual_maps(made: scenes.Reconstruction) -> np.ndarray:
     """(photo - rendering) / photo (H, W, K), NaN where a pixel was not used."""
     usable = made.used[..., None] & (made.measured > 0)
     return np.where(usable, 1 - made.rendered / np.where(usable, made.measured, 1.0), np.nan)
@@ -164,8 +152,8 @@ def _signed_percent(value: float) -> str:
     return f"{100 * value:+g} %".replace("-", "−") if value else "0"
 
 
-@figure("the residuals")
-def residual_figure(name: str, made: Reconstruction, bands: tuple[str, ...]) -> Markup:
+@svg.figure("the residuals")
+def residual_figure(name: str, made: scenes.Reconstruction, bands: tuple[str, ...]) -> Markup:
     """One signed residual map per band, all on one scale; pixels that were not used are hatched.
 
     Parameters
@@ -184,13 +172,14 @@ def residual_figure(name: str, made: Reconstruction, bands: tuple[str, ...]) -> 
         used = np.isfinite(residuals[..., k])
         if not used.all():
             plot.hatched((left, top, right, bottom), UNUSED, HATCH)
-        shown = coloured(0.5 + 0.5 * np.where(used, residuals[..., k], 0) / limit, SIGNED)
-        plot.picture((left, top, right, bottom), pixels_data_uri(np.dstack([shown, used])))
-        plot.words((left + right) / 2, top - 4, f"Band {plain_line(bands[k], 24)}", 8.5)
+        shown = pictures.coloured(0.5 + 0.5 * np.where(used, residuals[..., k], 0) / limit,
+                                  pictures.SIGNED)
+        plot.picture((left, top, right, bottom), pictures.pixels_data_uri(np.dstack([shown, used])))
+        plot.words((left + right) / 2, top - 4, f"Band {svg.plain_line(bands[k], 24)}", 8.5)
     start, end = (WIDE - BAR_WIDTH) / 2, (WIDE + BAR_WIDTH) / 2
-    shades = coloured(np.linspace(0, 1, BAR_SHADES)[None], SIGNED)
-    plot.picture((start, height + 6, end, height + 6 + BAR_HEIGHT), pixels_data_uri(shades),
-                 smooth=True)
+    shades = pictures.coloured(np.linspace(0, 1, BAR_SHADES)[None], pictures.SIGNED)
+    plot.picture((start, height + 6, end, height + 6 + BAR_HEIGHT),
+                 pictures.pixels_data_uri(shades), smooth=True)
     for share in (-1.0, -0.5, 0.0, 0.5, 1.0):
         plot.words(start + (0.5 + 0.5 * share) * BAR_WIDTH, height + 26,
                    _signed_percent(share * limit))
@@ -205,15 +194,15 @@ def surface_colours(count: int) -> list[str]:
     return [LIGHT_COLOURS[s % len(LIGHT_COLOURS)] for s in range(count)]
 
 
-@figure("the surfaces")
-def surface_figure(name: str, made: Reconstruction) -> Markup:
+@svg.figure("the surfaces")
+def surface_figure(name: str, made: scenes.Reconstruction) -> Markup:
     """Surfaces in false colour, each with its number; pixels of none are grey."""
     count, (height, width) = len(made.agreement.names), made.surface.shape
     size = 0.55 * WIDE
-    plot = Plot(name, size, _panel_height(size, height, width), (-0.5, width - 0.5),
+    plot = svg.Plot(name, size, _panel_height(size, height, width), (-0.5, width - 0.5),
                 (height - 0.5, -0.5), (0, 0, 0, 0))
-    colours = np.array([rgb_of(colour) for colour in (UNUSED, *surface_colours(count))])
-    plot.picture((-0.5, -0.5, width - 0.5, height - 0.5), pixels_data_uri(
+    colours = np.array([pictures.rgb_of(colour) for colour in (UNUSED, *surface_colours(count))])
+    plot.picture((-0.5, -0.5, width - 0.5, height - 0.5), pictures.pixels_data_uri(
         colours[np.clip(made.surface, -1, count - 1) + 1]))
     for s in range(count):
         if (made.surface == s).any():
@@ -256,20 +245,20 @@ def _panels(count: int, columns: int, shape: tuple[int, ...]
     return panels, panels[-1][3] + 2
 
 
-def _sheet(name: str, height: float) -> Plot:
+def _sheet(name: str, height: float) -> svg.Plot:
     """A figure across the page whose coordinates are points."""
-    return Plot(name, WIDE, height, (0, WIDE), (height, 0), (0, 0, 0, 0))
+    return svg.Plot(name, WIDE, height, (0, WIDE), (height, 0), (0, 0, 0, 0))
 
 
 @dataclass(frozen=True, eq=False)
 class GeometrySection:
     """What of a scene was estimated, and the edges as every camera sees them."""
 
-    rows: tuple[Placement, ...]
+    rows: tuple[scenes.Placement, ...]
     photos: list[tuple[str, Markup]]        # names of views, and their figures
 
 
-def geometry_section(geometry: SceneGeometry | None,
+def geometry_section(geometry: scenes.SceneGeometry | None,
                      previews: Mapping[str, Path]) -> GeometrySection | None:
     """What the page shows of the scene's geometry; None where nothing of it was estimated.
 
@@ -286,20 +275,20 @@ def geometry_section(geometry: SceneGeometry | None,
         for number, view in enumerate(geometry.views, start=1)])
 
 
-@figure("the marks on the photo")
-def _marks_figure(number: int, view: MarkedView, preview: Path) -> Markup:
+@svg.figure("the marks on the photo")
+def _marks_figure(number: int, view: scenes.MarkedView, preview: Path) -> Markup:
     """The photo with the scene's edges, rings where corners were marked, crosses where the camera
     sees them.
     """
-    width, height = png_size(preview)
-    plot = Plot(f"geometry-{number}", GEOMETRY_WIDTH, GEOMETRY_WIDTH * height / width, (0, 1),
+    width, height = pictures.png_size(preview)
+    plot = svg.Plot(f"geometry-{number}", GEOMETRY_WIDTH, GEOMETRY_WIDTH * height / width, (0, 1),
                 (1, 0), (0, 0, 0, 0))
-    plot.picture((0, 0, 1, 1), picture_data_uri(preview, MAX_SIDE_PX), smooth=True)
+    plot.picture((0, 0, 1, 1), pictures.picture_data_uri(preview, MAX_SIDE_PX), smooth=True)
     plot.lines(view.edges, RED, 0.6)
     plot.dots(view.marked[:, 0], view.marked[:, 1], GREEN, 3.0, open_=True)
     plot.crosses(view.seen[:, 0], view.seen[:, 1], RED)
     worst = int(np.argmax(view.residuals_px)) if len(view.residuals_px) else None
     said = "no corner is marked in it" if worst is None else (
-        f"{len(view.corners)} corners marked, {plain_line(view.corners[worst])} is off by "
+        f"{len(view.corners)} corners marked, {svg.plain_line(view.corners[worst])} is off by "
         f"{view.residuals_px[worst]:.2f} pixels")
-    return plot.drawn(f"Edges over the photo {plain_line(view.name)}".strip(), said)
+    return plot.drawn(f"Edges over the photo {svg.plain_line(view.name)}".strip(), said)

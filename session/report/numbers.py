@@ -7,12 +7,7 @@ import numpy as np
 
 from spectrabox.calibrate.chart_findings import root_mean_square
 from spectrabox.measure import conditions, rules, texts
-from spectrabox.measure.results.calibration_facts import (
-    checks,
-    doubts,
-    held_out_facts,
-    light_facts,
-)
+from spectrabox.measure.results import calibration_facts
 from spectrabox.measure.results.capture_result import CaptureResult, ChartResult
 from spectrabox.measure.results.flat_result import FlatResult
 from spectrabox.measure.results.scene_result import SceneResult
@@ -22,9 +17,8 @@ from spectrabox.radiometry.records.scenes import SceneGeometry, SurfaceAgreement
 from spectrabox.radiometry.records.spectra import SpectrumSamples
 from spectrabox.sampling.prior.family_coverage import coverage_facts
 from spectrabox.session.outputs.session_results import SessionResults
-from spectrabox.session.report.metamers import metamer_facts
-from spectrabox.session.report.patch_colours import hex_colour, swatch_pairs
-from spectrabox.session.report.spectra import every_10_nm, surface_curves
+from spectrabox.session.report import spectra
+from spectrabox.session.report.cards import metamer_facts
 
 SCHEMA = "spectrabox-results/1"
 
@@ -79,7 +73,7 @@ def flat_numbers(found: FlatResult) -> dict[str, Any]:
                     "light": {name: {"level": level, "standard_error": error}
                               for name, (level, error) in photo.light.items()}}
                    for photo in found.photos],
-        "light": light_facts(found.calibration),
+        "light": calibration_facts.light_facts(found.calibration),
         }
 
 
@@ -103,29 +97,38 @@ def _geometry(geometry: SceneGeometry) -> dict[str, Any]:
 
 
 def _surface(surface: SurfaceResult) -> dict[str, Any]:
-    curves = surface_curves(surface)
+    curves = spectra.surface_curves(surface)
     noise, disagreement = surface.covariances
     single = None if surface.spectrum is None else {"nm": surface.grid.nm,
                                                     "reflectance": surface.spectrum}
     return {
-        "name": surface.name, "known": surface.known, "inverse_rendering": single,
-        "signal": surface.signal, "signal_covariance": noise,
-        "model_covariance": disagreement, "error_budget": surface.error_budget,
-        "variance_shares": surface.causes, "families": coverage_facts(surface.families),
+        "name": surface.name,
+        "known": surface.known,
+        "inverse_rendering": single,
+        "signal": surface.signal,
+        "signal_covariance": noise,
+        "model_covariance": disagreement,
+        "error_budget": surface.error_budget,
+        "variance_shares": surface.causes,
+        "families": coverage_facts(surface.families),
         "summary": None if surface.summary is None else {
             **(_fields(surface.summary, "mean", "standard_deviation", "lower", "upper",
                        "bound_lower", "bound_upper", "level", "next_measurement_nm") or {}),
-            "conditional_on": texts.paragraph(surface.summary.conditional_on)},
+            "conditional_on":
+            texts.paragraph(surface.summary.conditional_on)
+        },
         "band_width": None if surface.known else surface.band_width,
-        "colour": {"lab": surface.lab().value, "lab_error": surface.lab_error,
-                   "hex": hex_colour(surface.srgb)},
-        "every_10_nm": {"columns": ["nm", *curves], "rows": every_10_nm(surface.nm, curves)},
+        "colour": {
+            "lab": surface.lab().value, "lab_error": surface.lab_error, "hex":
+            spectra.hex_colour(surface.srgb)
+        },
+        "every_10_nm":
+        {"columns": ["nm", *curves], "rows": spectra.every_10_nm(surface.nm, curves)},
         "samples": _samples(surface.samples),
-        "metamers": None if surface.metamers is None
-        else metamer_facts(surface.metamers),
+        "metamers": None if surface.metamers is None else metamer_facts(surface.metamers),
         "truth": _fields(surface.truth, "values", "standard_error", "source"),
         "scores": None if surface.scores is None else vars(surface.scores),
-        }
+    }
 
 
 def _samples(samples: SpectrumSamples | None) -> dict[str, Any] | None:
@@ -161,20 +164,20 @@ def _calibration(found: CaptureResult,
         "light": _fields(calibration.light, "values", "standard_error", "quantity", "source"),
         "light_posterior": None if light is None else {
             **(_fields(light, "kinds", "probabilities", "mean", "lower", "upper", "level") or {}),
-            "sentences": checks(light.findings)},
-        "doubts": doubts(calibration),
+            "sentences": calibration_facts.checks(light.findings)},
+        "doubts": calibration_facts.doubts(calibration),
         "relative_covariance": calibration.relative_covariance,
         "chart_residuals": residuals,
         "chart_rms": root_mean_square(residuals),
         "held_out_rms": root_mean_square(calibration.sensitivity.held_out_residuals),
-        "checks": checks(calibration.findings),
+        "checks": calibration_facts.checks(calibration.findings),
         **({} if found.light_scale is None else {"light_scale": _fields(
             found.light_scale, "value", "standard_error", "residuals", "source")}),
         }
 
 
 def _chart(found: CaptureResult, chart: ChartResult) -> dict[str, Any]:
-    swatches = swatch_pairs(found)
+    swatches = spectra.swatch_pairs(found)
     return {"swatches": None if swatches is None else swatches.numbers, "prior": _fields(
                 chart.prior, "share", "families", "probabilities"),
             "measured": chart.samples.mean, "standard_error": chart.samples.standard_error,
@@ -186,4 +189,4 @@ def _chart(found: CaptureResult, chart: ChartResult) -> dict[str, Any]:
             "how_found": texts.says(chart.detection.how_found),
             "mirrored": chart.detection.mirrored,
             "left_out": None if chart.left_out is None
-            else held_out_facts(chart.left_out, chart.layout.names)}
+            else calibration_facts.held_out_facts(chart.left_out, chart.layout.names)}

@@ -13,7 +13,7 @@ from markupsafe import Markup
 
 from spectrabox.measure import extras, texts, words
 from spectrabox.measure.extras import attempt, different
-from spectrabox.measure.plot_style import band_colours
+from spectrabox.measure.plots import band_colours
 from spectrabox.measure.results.capture_result import CaptureResult
 from spectrabox.measure.results.flat_result import FlatResult, PhotoOfRegions
 from spectrabox.measure.results.methods import scale_words
@@ -23,7 +23,7 @@ from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.scenes import Reconstruction
 from spectrabox.session.outputs.session_results import SessionResults
-from spectrabox.session.report import flat_figures
+from spectrabox.session.report import figures, maps, svg
 from spectrabox.session.report.cards import (
     Card,
     Metamers,
@@ -31,20 +31,9 @@ from spectrabox.session.report.cards import (
     assumed_of_all,
     tested_families,
 )
-from spectrabox.session.report.figures import loss_figure
-from spectrabox.session.report.maps import (
-    GeometrySection,
-    geometry_section,
-    linked_photo,
-    pair_figure,
-    residual_figure,
-    residual_limit,
-    residual_maps,
-    surface_figure,
-)
+from spectrabox.session.report.figures import field_whiskers, loss_figure
 from spectrabox.session.report.numbers import flat_numbers, report_numbers, scene_numbers
-from spectrabox.session.report.pictures import picture_data_uri, picture_digest
-from spectrabox.session.report.safe_json import json_for_script
+from spectrabox.session.report.pictures import json_for_script, picture_data_uri, picture_digest
 from spectrabox.session.report.sections import (
     ChartSection,
     RenderedSurface,
@@ -52,9 +41,7 @@ from spectrabox.session.report.sections import (
     held_out_rms,
     rendered_surfaces,
 )
-from spectrabox.session.report.small_figures import field_whiskers
 from spectrabox.session.report.spectra import light_figure, sensitivity_figure
-from spectrabox.session.report.svg import Drawing, MarkLink, MissingDrawing
 
 PAGE_NAME, NUMBERS_NAME = "report.html", "report.json"
 TEMPLATES = Path(__file__).parent / "templates"
@@ -146,18 +133,18 @@ def render_report(results: SessionResults) -> RenderedReport:
     """The page as text; every name, note and file name of the session is escaped."""
     found = results.found
     cards = answer_cards(found.surfaces, found.verdict.doubts, found.advice)
-    links = {card.surface.name: MarkLink(card.id, card.index) for card in cards}
+    links = {card.surface.name: svg.MarkLink(card.id, card.index) for card in cards}
     if isinstance(found, FlatResult):
         kind = _flat_page(found, results, links)
     else:
         kind = _scene_page(found, results, links)
     content = _content(results, kind, cards)
     failed = different((*found.failed_extras, *content.pop("failed"),
-                        *(missing.failed for missing in _of_kind(content, MissingDrawing))))
+                        *(missing.failed for missing in _of_kind(content, svg.MissingDrawing))))
     written = json_for_script(report_numbers(results) | kind.numbers | {
         "failed_extras": [extras.facts(one) for one in failed],
         "plots": {drawing.name: {"title": drawing.heading, "axes": drawing.axes}
-                  for drawing in _of_kind(content, Drawing)},
+                  for drawing in _of_kind(content, svg.Drawing)},
         "pictures": {name: picture_digest(uri) for name, uri in content["pictures"].items()}})
     page = templates().get_template("report.html.j2").render(
         content | {"failed": failed, "numbers": written, "style": style_sheet(),
@@ -202,11 +189,11 @@ class KindOfPage:
 
 
 def _flat_page(found: FlatResult, results: SessionResults,
-               links: Mapping[str, MarkLink]) -> KindOfPage:
+               links: Mapping[str, svg.MarkLink]) -> KindOfPage:
     """Photos with regions and light."""
-    photos = [PhotoSection(photo, flat_figures.photo_figure(
+    photos = [PhotoSection(photo, figures.photo_figure(
                                f"photo-{number}", photo, results.previews[photo.view], links),
-                           flat_figures.light_figure(f"light-map-{number}", photo),
+                           figures.light_figure(f"light-map-{number}", photo),
                            _whiskers(photo))
               for number, photo in enumerate(found.photos, start=1)]
     return KindOfPage(scene=False, surfaces="Regions", numbers=flat_numbers(found),
@@ -219,11 +206,11 @@ def _whiskers(photo: PhotoOfRegions) -> dict[str, Markup]:
     """By region its light with its error, or why that is not drawn."""
     drawn, failed = attempt("picture of the light on regions", lambda: field_whiskers(photo.light),
                             {})
-    return drawn if failed is None else dict.fromkeys(photo.light, MissingDrawing(failed))
+    return drawn if failed is None else dict.fromkeys(photo.light, svg.MissingDrawing(failed))
 
 
 def _scene_page(found: SceneResult, results: SessionResults,
-                links: Mapping[str, MarkLink]) -> KindOfPage:
+                links: Mapping[str, svg.MarkLink]) -> KindOfPage:
     """Photo against rendering, geometry, convergence."""
     fit = found.reconstruction
     views = [(view, _agreement_section(f"-{number}", view.reconstruction, view.calibration,
@@ -232,15 +219,15 @@ def _scene_page(found: SceneResult, results: SessionResults,
                            view.calibration.light_posterior))
              for number, view in enumerate(found.views, start=2)]
     return KindOfPage(
-        scene=True, surfaces="Materials", numbers=scene_numbers(found),
-        sections={"agreement": _agreement_section("", fit, found.calibration, found.bands),
-                  "surface_map": surface_figure("surfaces", fit), "views": views,
-                  "linked_photo": linked_photo("photo", fit, found.calibration.sensitivity, links),
-                  "geometry": geometry_section(found.geometry, results.previews),
-                  "loss": loss_figure("loss", fit.loss_history)},
-        chart_overlay=True,
-        pictures={f"photo {view.name}": results.previews[view.name] for view in found.views},
-        files=(("materials.xml", "for Mitsuba"),))
+        scene=True, surfaces="Materials", numbers=scene_numbers(found), sections={
+            "agreement": _agreement_section("", fit, found.calibration, found.bands), "surface_map":
+            maps.surface_figure("surfaces", fit), "views": views, "linked_photo":
+            maps.linked_photo("photo", fit, found.calibration.sensitivity, links), "geometry":
+            maps.geometry_section(found.geometry,
+                                  results.previews), "loss": loss_figure("loss", fit.loss_history)
+        }, chart_overlay=True,
+        pictures={f"photo {view.name}": results.previews[view.name]
+                  for view in found.views}, files=(("materials.xml", "for Mitsuba"), ))
 
 
 @dataclass(frozen=True, eq=False)
@@ -314,15 +301,15 @@ class AgreementSection:
 def _agreement_section(name: str, fit: Reconstruction, calibration: Calibration,
                        bands: tuple[str, ...]) -> AgreementSection:
     """Photo against rendering of one photo; ``name`` ends the names of its figures."""
-    return AgreementSection(
-        words.disagreement(fit.agreement, bands),
-        pair_figure(f"pair{name}", fit, calibration.sensitivity, bands),
-        residual_figure(f"residuals{name}", fit, bands), residual_limit(residual_maps(fit)),
-        rendered_surfaces(fit), list(zip(bands, band_colours(bands), strict=True)),
-        scale_words(fit.light_scale))
+    return AgreementSection(words.disagreement(fit.agreement, bands),
+                            maps.pair_figure(f"pair{name}", fit, calibration.sensitivity, bands),
+                            maps.residual_figure(f"residuals{name}", fit, bands),
+                            maps.residual_limit(maps.residual_maps(fit)), rendered_surfaces(fit),
+                            list(zip(bands, band_colours(bands), strict=True)),
+                            scale_words(fit.light_scale))
 
 
-SECTIONS = (AgreementSection, Card, ChartSection, GeometrySection, Metamers, PhotoSection)
+SECTIONS = (AgreementSection, Card, ChartSection, maps.GeometrySection, Metamers, PhotoSection)
 
 
 def _of_kind(content: Any, kind: type[Kind]) -> Iterator[Kind]:

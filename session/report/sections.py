@@ -6,14 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from spectrabox.calibrate.chart_findings import (
-    DifferenceSummary,
-    chart_limits,
-    difference_summary,
-    held_out,
-    patch_differences,
-    root_mean_square,
-)
+from spectrabox.calibrate import chart_findings
 from spectrabox.measure import texts
 from spectrabox.measure.results.capture_result import CaptureResult, ChartResult
 from spectrabox.measure.rules import chart_residuals
@@ -21,10 +14,9 @@ from spectrabox.measure.words import OFF
 from spectrabox.radiometry.appearance import reflectance_to_srgb
 from spectrabox.radiometry.records.calibration import HeldOutPatches
 from spectrabox.radiometry.records.scenes import Reconstruction
-from spectrabox.session.report.figures import chart_residual_figure, irradiance_figure
+from spectrabox.session.report import figures
 from spectrabox.session.report.maps import surface_colours
-from spectrabox.session.report.patch_colours import SwatchPairs, css_colour, swatch_pairs
-from spectrabox.session.report.small_figures import prior_share_figure
+from spectrabox.session.report.spectra import SwatchPairs, css_colour, swatch_pairs
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,12 +103,14 @@ class ChartSection:
         """One sentence on all patches."""
         if self.chart.left_out is None:
             return ""
-        return texts.sentence(held_out(self.chart.left_out, self.chart.layout.names)[0])
+        return texts.sentence(
+            chart_findings.held_out(self.chart.left_out, self.chart.layout.names)[0])
 
     @property
-    def difference(self) -> DifferenceSummary | None:
+    def difference(self) -> chart_findings.DifferenceSummary | None:
         """CIEDE2000 between the estimated and the reference spectra of all patches."""
-        return None if self.chart.left_out is None else difference_summary(self.chart.left_out)
+        return None if self.chart.left_out is None else chart_findings.difference_summary(
+            self.chart.left_out)
 
 
 def chart_section(found: CaptureResult) -> ChartSection | None:
@@ -128,26 +122,30 @@ def chart_section(found: CaptureResult) -> ChartSection | None:
     fit, prior, left_out = found.calibration.sensitivity, chart.prior, chart.left_out
     prior_figure, families = None, []
     if prior is not None:
-        prior_figure = prior_share_figure("prior-share", prior.share, fit.grid, found.bands)
+        prior_figure = figures.prior_share_figure("prior-share", prior.share, fit.grid, found.bands)
         families = list(zip(prior.families, prior.probabilities.tolist(), strict=True))
     return ChartSection(
         chart, _patches(chart, residuals, fit.held_out_residuals), swatches, prior_figure, families,
-        chart_residual_figure("chart-residuals", residuals, fit.held_out_residuals, found.bands,
-                              chart_limits(found.stated.chart_stated)[0]),
-        root_mean_square(residuals),
-        irradiance_figure("irradiance", chart.irradiance, chart.layout.rows),
+        figures.chart_residual_figure("chart-residuals", residuals, fit.held_out_residuals,
+                                      found.bands,
+                                      chart_findings.chart_limits(found.stated.chart_stated)[0]),
+        chart_findings.root_mean_square(residuals),
+        figures.irradiance_figure("irradiance", chart.irradiance, chart.layout.rows),
         [] if left_out is None else _patch_spectra(left_out, chart.layout.names),
-        chart_limits(found.stated.chart_stated)[0])
+        chart_findings.chart_limits(found.stated.chart_stated)[0])
 
 
 def _patch_spectra(patches: HeldOutPatches, names: tuple[str, ...]) -> list[PatchSpectrum]:
     colours = [[css_colour(reflectance_to_srgb(patches.grid.nm, one)) for one in spectra]
                for spectra in (patches.mean, patches.reference)]
-    return [PatchSpectrum(number, name, bool(kept_out), estimate, reference,
-                          float(difference) if judged else None, float(rmse), float(inside))
-            for number, (name, kept_out, estimate, reference, difference, judged, rmse, inside)
-            in enumerate(zip(names, patches.excluded, *colours, patch_differences(patches),
-                             patches.judged, patches.rmse, patches.inside, strict=True), start=1)]
+    return [
+        PatchSpectrum(number, name, bool(kept_out), estimate, reference,
+                      float(difference) if judged else None, float(rmse), float(inside))
+        for number, (
+            name, kept_out, estimate, reference, difference, judged, rmse, inside) in enumerate(
+                zip(names, patches.excluded, *colours, chart_findings.patch_differences(patches),
+                    patches.judged, patches.rmse, patches.inside, strict=True), start=1)
+    ]
 
 
 def _patches(chart: ChartResult, residuals: np.ndarray,
@@ -167,4 +165,4 @@ def _patches(chart: ChartResult, residuals: np.ndarray,
 
 def held_out_rms(found: CaptureResult) -> float | None:
     """Rms residual (a share) of patches left out of their own fit, None where nobody did that."""
-    return root_mean_square(found.calibration.sensitivity.held_out_residuals)
+    return chart_findings.root_mean_square(found.calibration.sensitivity.held_out_residuals)

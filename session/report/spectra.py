@@ -1,32 +1,25 @@
-"""Figures over wavelength: the spectra behind one surface, sensitivities and light."""
+"""Figures over wavelength, and pairs of swatches of the chart's patches."""
+
+
 from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
-from spectrabox.measure.plot_style import (
-    DRAWS_SHOWN,
-    INK,
-    MEAN,
-    QUIET,
-    RENDERED,
-    TRUTH,
-    band_colours,
-)
+from spectrabox.calibrate.trust import chart_colour_differences, chart_colours
+from spectrabox.measure import plots
+from spectrabox.measure.results.capture_result import CaptureResult
 from spectrabox.measure.results.surface_result import SurfaceResult
+from spectrabox.measure.rules import chart_residuals
 from spectrabox.measure.words import percent
+from spectrabox.radiometry.appearance import encode_srgb, encoded_srgb
 from spectrabox.radiometry.records.calibration import LightPosterior, SensitivityFit
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum
-from spectrabox.session.report.svg import (
-    DASHED,
-    DOTTED,
-    LEFT,
-    Plot,
-    Readout,
-    figure,
-    nice_ticks,
-    plain_line,
-)
+from spectrabox.session.report import svg
+from spectrabox.session.report.maps import display_bands
 
 WIDTH, HEIGHT = 374.0, 209.0    # of a figure, in points
 QUANTITIES = {Quantity.REFLECTANCE: "Reflectance", Quantity.IRRADIANCE: "Irradiance (W m⁻² nm⁻¹)",
@@ -73,7 +66,7 @@ def every_10_nm(nm: np.ndarray, curves: dict[str, np.ndarray]) -> list[list[floa
             for row in np.c_[at, *[np.interp(at, nm, y)[:, None] for y in curves.values()]]]
 
 
-@figure("the spectrum")
+@svg.figure("the spectrum")
 def spectrum_figure(name: str, surface: SurfaceResult) -> Markup:
     """Draws, band, exact bounds, mean, the spectrum of inverse rendering, and the truth where one
     was measured.
@@ -86,30 +79,31 @@ def spectrum_figure(name: str, surface: SurfaceResult) -> Markup:
     top = 1.02 * max(1.0, *(float(np.nanmax(values)) for values in highest))
     plot = _over_wavelengths(name, nm, (0, top), "Reflectance")
     if summary is None:
-        plot.line(nm, curves["given"], MEAN, 1.8, label="given spectrum")
+        plot.line(nm, curves["given"], plots.MEAN, 1.8, label="given spectrum")
     else:
         if samples is not None:
             chosen = np.random.default_rng(0).choice(
-                len(samples.spectra), min(DRAWS_SHOWN, len(samples.spectra)), replace=False)
-            plot.lines([np.c_[samples.grid.nm, draw] for draw in samples.spectra[chosen]], QUIET,
-                       0.5, opacity=0.3, label=f"{len(chosen)} draws")
-        plot.areas(nm, summary.lower, summary.upper, MEAN, 0.18,
+                len(samples.spectra), min(plots.DRAWS_SHOWN, len(samples.spectra)), replace=False)
+            plot.lines([np.c_[samples.grid.nm, draw] for draw in samples.spectra[chosen]],
+                       plots.QUIET, 0.5, opacity=0.3, label=f"{len(chosen)} draws")
+        plot.areas(nm, summary.lower, summary.upper, plots.MEAN, 0.18,
                    label=f"{100 * summary.level:.4g} % band")
-        plot.line(nm, summary.bound_lower, QUIET, 0.9, DASHED, "exact bounds")
-        plot.line(nm, summary.bound_upper, QUIET, 0.9, DASHED)
+        plot.line(nm, summary.bound_lower, plots.QUIET, 0.9, svg.DASHED, "exact bounds")
+        plot.line(nm, summary.bound_upper, plots.QUIET, 0.9, svg.DASHED)
         if "inverse rendering" in curves:
-            plot.line(nm, curves["inverse rendering"], RENDERED, 1.4, label="inverse rendering")
-        plot.line(nm, summary.mean, MEAN, 1.9, label="mean")
-        plot.upright(summary.next_measurement_nm, INK, 0.6, DOTTED, "measure here next")
+            plot.line(nm, curves["inverse rendering"], plots.RENDERED, 1.4,
+                      label="inverse rendering")
+        plot.line(nm, summary.mean, plots.MEAN, 1.9, label="mean")
+        plot.upright(summary.next_measurement_nm, plots.INK, 0.6, svg.DOTTED, "measure here next")
     if truth is not None:
-        plot.line(nm, truth, TRUTH, 1.3, DOTTED, "measured truth")
-    shown = plain_line(surface.name)
+        plot.line(nm, truth, plots.TRUTH, 1.3, svg.DOTTED, "measured truth")
+    shown = svg.plain_line(surface.name)
     return plot.drawn(f"Reflectance of {shown}", f"Reflectance of {shown} over "
                       "wavelength with what is known of its uncertainty; the table below holds the "
-                      "numbers.", Readout(nm, curves, "Wavelength", "nm"))
+                      "numbers.", svg.Readout(nm, curves, "Wavelength", "nm"))
 
 
-@figure("the sensitivities")
+@svg.figure("the sensitivities")
 def sensitivity_figure(name: str, fit: SensitivityFit, bands: tuple[str, ...],
                        truth: tuple[np.ndarray, np.ndarray] | None) -> Markup:
     """Sensitivities with two standard errors either side, and the measured curves where given.
@@ -131,15 +125,15 @@ def sensitivity_figure(name: str, fit: SensitivityFit, bands: tuple[str, ...],
     margin = 0.04 * (max(ends) - min(ends))
     plot = _over_wavelengths(name, nm, (min(ends) - margin, max(ends) + margin),
                              "Sensitivity (highest peak = 1)")
-    plot.level(0, QUIET, 0.6)
-    for k, (band, colour) in enumerate(zip(bands, band_colours(bands), strict=True)):
+    plot.level(0, plots.QUIET, 0.6)
+    for k, (band, colour) in enumerate(zip(bands, plots.band_colours(bands), strict=True)):
         if error is not None:
             plot.areas(nm, fit.curves[k] - 2 * error[k], fit.curves[k] + 2 * error[k], colour, 0.18)
-        plot.line(nm, fit.curves[k], colour, 1.6, label=plain_line(band, 24))
+        plot.line(nm, fit.curves[k], colour, 1.6, label=svg.plain_line(band, 24))
         if truth is not None:
-            plot.line(truth[0], truth[1][k], colour, 1.0, DOTTED)
+            plot.line(truth[0], truth[1][k], colour, 1.0, svg.DOTTED)
     if truth is not None:
-        plot.line([], [], INK, 1.0, DOTTED, "measured curves")
+        plot.line([], [], plots.INK, 1.0, svg.DOTTED, "measured curves")
     series: dict[str, np.ndarray] = {}
     for k, band in enumerate(bands):
         series[band] = fit.curves[k]
@@ -149,10 +143,10 @@ def sensitivity_figure(name: str, fit: SensitivityFit, bands: tuple[str, ...],
             series[f"{band} measured"] = np.interp(nm, truth[0], truth[1][k], left=np.nan,
                                                    right=np.nan)
     return plot.drawn("Camera sensitivities", "Sensitivity of each camera band over wavelength.",
-                      Readout(nm, series, "Wavelength", "nm"))
+                      svg.Readout(nm, series, "Wavelength", "nm"))
 
 
-@figure("the light")
+@svg.figure("the light")
 def light_figure(name: str, light: Spectrum, posterior: LightPosterior | None = None) -> Markup:
     """The light spectrum, with two standard errors either side where they are stated; what the
     chart says of it, with its band, where nobody stated it.
@@ -177,17 +171,140 @@ def light_figure(name: str, light: Spectrum, posterior: LightPosterior | None = 
     highest = float(np.nanmax(values if band is None else band[1]))
     plot = _over_wavelengths(name, nm, (0, 1.05 * highest if highest > 0 else 1.0), quantity, 58)
     if band is not None:
-        plot.areas(nm, *band, QUIET, 0.3)
-    plot.line(nm, values, INK, 1.5)
+        plot.areas(nm, *band, plots.QUIET, 0.3)
+    plot.line(nm, values, plots.INK, 1.5)
     digits = int(np.clip(3 - np.floor(np.log10(max(float(np.abs(values).max()), 1e-30))), 0, 12))
     return plot.drawn("Light spectrum", f"{quantity} over wavelength.",
-                      Readout(nm, series, "Wavelength", "nm", digits))
+                      svg.Readout(nm, series, "Wavelength", "nm", digits))
 
 
 def _over_wavelengths(name: str, nm: np.ndarray, limits: tuple[float, float], quantity: str,
-                      left: float = LEFT) -> Plot:
+                      left: float = svg.LEFT) -> svg.Plot:
     """Empty axes over the wavelengths (P,)."""
-    plot = Plot(name, WIDTH, HEIGHT, (float(nm[0]), float(nm[-1])), limits, (left, 9, 31, 9))
-    plot.x_axis("Wavelength (nm)", nice_ticks(float(nm[0]), float(nm[-1]), 7))
-    plot.y_axis(quantity, nice_ticks(*limits, 7))
+    plot = svg.Plot(name, WIDTH, HEIGHT, (float(nm[0]), float(nm[-1])), limits, (left, 9, 31, 9))
+    plot.x_axis("Wavelength (nm)", svg.nice_ticks(float(nm[0]), float(nm[-1]), 7))
+    plot.y_axis(quantity, svg.nice_ticks(*limits, 7))
     return plot
+
+
+# ---- chart patches as pairs of swatches ----------------------------------------------------------
+
+MAX_LARGE = 24      # pairs shown large; those of a larger chart are folded away
+WHITE = 0.9         # reflectance of a white patch, about
+
+
+def css_colour(srgb: np.ndarray) -> str:
+    """Encoded sRGB (3,), 0 to 1, as CSS writes it; grey stripes stand for a colour that was not
+    measured.
+    """
+    if not np.isfinite(srgb).all():
+        return "repeating-linear-gradient(45deg,#ccc 0 3px,#fff 3px 6px)"
+    return "rgb({}, {}, {})".format(*(round(255 * float(v)) for v in np.clip(srgb, 0, 1)))
+
+
+def hex_colour(srgb: np.ndarray) -> str:
+    """Encoded sRGB (3,), 0 to 1, as web pages write it: #rrggbb."""
+    return "#" + "".join(f"{round(255 * float(value)):02x}" for value in srgb)
+
+
+@dataclass(frozen=True)
+class SwatchPair:
+    """A patch as photographed and as predicted, colours as CSS writes them."""
+
+    patch: int                      # from 0
+    name: str
+    measured: str
+    predicted: str
+    delta_e00: float | None         # between both; None without a reference
+
+
+@dataclass(frozen=True)
+class SwatchPairs:
+    """Every patch of a chart, the worst first."""
+
+    pairs: tuple[SwatchPair, ...]
+    from_others: bool               # predicted from the other patches alone
+
+    @property
+    def large(self) -> tuple[SwatchPair, ...]:
+        """Those shown large."""
+        return self.pairs[:MAX_LARGE]
+
+    @property
+    def others(self) -> tuple[SwatchPair, ...]:
+        """Those folded away."""
+        return self.pairs[MAX_LARGE:]
+
+    @property
+    def in_order(self) -> list[SwatchPair]:
+        """As printed on the chart."""
+        return sorted(self.pairs, key=lambda pair: pair.patch)
+
+    @property
+    def differences(self) -> np.ndarray | None:
+        """CIEDE2000 of every pair; None without a reference."""
+        known = [pair.delta_e00 for pair in self.pairs if pair.delta_e00 is not None]
+        return np.array(known) if known else None
+
+    @property
+    def worst(self) -> float | None:
+        """The largest CIEDE2000; None without a reference."""
+        return None if self.differences is None else float(np.nanmax(self.differences))
+
+    @property
+    def mean(self) -> float | None:
+        """Mean CIEDE2000; None without a reference."""
+        return None if self.differences is None else float(np.nanmean(self.differences))
+
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """For JSON, in the order of the chart but for ``order``: patches from 0, the worst first.
+        """
+        pairs, known = self.in_order, self.differences is not None
+        return {"measured": [pair.measured for pair in pairs],
+                "predicted": [pair.predicted for pair in pairs],
+                "delta_e00": [pair.delta_e00 for pair in pairs] if known else None,
+                "from_others": self.from_others, "order": [pair.patch for pair in self.pairs]}
+
+
+def swatch_pairs(found: CaptureResult) -> SwatchPairs | None:
+    """Colours of every patch as photographed and as predicted, and how far they are apart.
+
+    Predicted from the other patches, where the calibration left each out in turn: a fit would bend
+    towards a wrong patch. Signals become colours as for the colour difference of a chart, by the
+    linear map that best takes the predicted signals to the tristimulus values of the reference
+    under D65; without a reference the camera's own bands are shown, and no difference is said.
+
+    Returns
+    -------
+    SwatchPairs or None
+        None without a chart.
+    """
+    residuals, chart = chart_residuals(found), found.chart
+    if chart is None or residuals is None:
+        return None
+    held_out = found.calibration.sensitivity.held_out_residuals
+    measured = chart.samples.mean
+    predicted = measured * (1 - (residuals if held_out is None else held_out))
+    difference = None
+    if chart.left_out is None:
+        colours = _camera_colours(found, measured, predicted)
+        off = np.abs(predicted / measured - 1).max(axis=1)
+    else:
+        patches = (measured, predicted, chart.left_out.reference, chart.left_out.grid)
+        colours = [np.array([encoded_srgb(one) for one in xyz]) for xyz in chart_colours(*patches)]
+        off = difference = chart_colour_differences(*patches)
+    # what was not measured comes first too: it has to be looked at
+    order = np.argsort(-np.nan_to_num(off, nan=np.inf), kind="stable").tolist()
+    return SwatchPairs(tuple(
+        SwatchPair(patch, chart.layout.names[patch], css_colour(colours[0][patch]),
+                   css_colour(colours[1][patch]),
+                   None if difference is None else float(difference[patch])) for patch in order),
+        held_out is not None)
+
+
+def _camera_colours(found: CaptureResult, measured: np.ndarray,
+                    predicted: np.ndarray) -> list[np.ndarray]:
+    chosen = display_bands(found.calibration.sensitivity)
+    white = np.nanmax(measured, axis=0)[chosen] / WHITE
+    return [encode_srgb(signal[:, chosen] / white) for signal in (measured, predicted)]

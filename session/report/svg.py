@@ -16,9 +16,9 @@ from markupsafe import Markup, escape
 
 from spectrabox.measure import texts
 from spectrabox.measure.extras import attempt
-from spectrabox.measure.plot_style import INK, QUIET
+from spectrabox.measure.plots import INK, QUIET
 from spectrabox.radiometry.findings import Finding
-from spectrabox.session.report.safe_json import json_for_script
+from spectrabox.session.report.pictures import json_for_script
 
 DIGITS = 6          # significant, of a plotted number: far finer than a line is drawn
 # Points, 72 to the inch: margins about the axes, height of letters, and of a row of the legend.

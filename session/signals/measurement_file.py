@@ -5,46 +5,40 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.measure.signals.sample import READING_ERROR, measurement_of_signal, reading_at
-from spectrabox.radiometry.checked_tables import ListOf, Table, checked, read_toml
+from spectrabox.measure.signals import sample
+from spectrabox.radiometry import checked_tables
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import is_there
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.spectra import Quantity, SpectralMeasurement
-from spectrabox.radiometry.spectra import named_spectra
-from spectrabox.radiometry.spectra.spectrum_files import (
-    column_index,
-    on_grid,
-    read_table,
-    spectrum_of,
-)
+from spectrabox.radiometry.spectra import named_spectra, spectrum_files
 from spectrabox.sampling.further.more_measurements import MoreMeasurement, Reading
 from spectrabox.session.commands.requests import MeasuredSignal
-from spectrabox.session.signals.signal_options import parse_reading, per_band, signal_and_noise
+from spectrabox.session.signals import signal_options
 
 SPOT_STEP_NM = 10.0
-Numbers = ListOf[float]
+Numbers = checked_tables.ListOf[float]
 
 
-class ReadingTable(Table):
+class ReadingTable(checked_tables.Table):
     """[[reading]]: the reflectance at one wavelength."""
 
     nm: float
     reflectance: float
-    error: float = READING_ERROR
+    error: float = sample.READING_ERROR
     fwhm_nm: float = 0.0
 
 
-class BandTable(Table):
+class BandTable(checked_tables.Table):
     """[[band]]: the reflectance through a filter."""
 
     curve: str
     reflectance: float
     column: str | None = None
-    error: float = READING_ERROR
+    error: float = sample.READING_ERROR
 
 
-class SpotTable(Table):
+class SpotTable(checked_tables.Table):
     """[[spot]]: a measured spectrum."""
 
     file: str
@@ -53,7 +47,7 @@ class SpotTable(Table):
     step_nm: float = SPOT_STEP_NM
 
 
-class SignalTable(Table):
+class SignalTable(checked_tables.Table):
     """[[same]]: another patch of the same material."""
 
     signal: Numbers
@@ -68,14 +62,14 @@ class PhotoTable(SignalTable):
     sensitivity: str | None = None
 
 
-class MeasurementsFile(Table):
+class MeasurementsFile(checked_tables.Table):
     """A file of further measurements."""
 
-    reading: ListOf[ReadingTable] = ()
-    band: ListOf[BandTable] = ()
-    spot: ListOf[SpotTable] = ()
-    photo: ListOf[PhotoTable] = ()
-    same: ListOf[SignalTable] = ()
+    reading: checked_tables.ListOf[ReadingTable] = ()
+    band: checked_tables.ListOf[BandTable] = ()
+    spot: checked_tables.ListOf[SpotTable] = ()
+    photo: checked_tables.ListOf[PhotoTable] = ()
+    same: checked_tables.ListOf[SignalTable] = ()
 
 
 def further_measurements(request: MeasuredSignal, sensitivity: str, relative_response: np.ndarray,
@@ -97,7 +91,7 @@ def further_measurements(request: MeasuredSignal, sensitivity: str, relative_res
     InputError
     """
     measurements = [MoreMeasurement(reading.name, (reading,))
-                    for reading in map(parse_reading, request.reading)]
+                    for reading in map(signal_options.parse_reading, request.reading)]
     measurements += [photo_of_text(text, sensitivity, len(relative_response))
                      for text in request.signal_under]
     measurements += [patch_of_text(text, relative_response, white, number)
@@ -118,10 +112,10 @@ def photo_of_text(text: str, sensitivity: str, bands: int) -> MoreMeasurement:
     if not equals or not light:
         raise InputError(f"--signal-under {text!r} cannot be read; write LIGHT=v1,v2,v3 or "
                          "LIGHT=v1,v2,v3:e1,e2,e3")
-    signal, noise = signal_and_noise(rest, bands, "photo")
+    signal, noise = signal_options.signal_and_noise(rest, bands, "photo")
     relative_response = named_spectra.relative_response(sensitivity, light, FINE_GRID)
     return MoreMeasurement(f"the photo under {light}",
-                           measurement=measurement_of_signal(relative_response, signal, None,
+                           measurement=sample.measurement_of_signal(relative_response, signal, None,
                                                              noise))
 
 
@@ -133,8 +127,8 @@ def patch_of_text(text: str, relative_response: np.ndarray, white: np.ndarray | 
     ------
     InputError
     """
-    signal, noise = signal_and_noise(text, len(relative_response), "same")
-    return _patch(number, measurement_of_signal(relative_response, signal, white, noise))
+    signal, noise = signal_options.signal_and_noise(text, len(relative_response), "same")
+    return _patch(number, sample.measurement_of_signal(relative_response, signal, white, noise))
 
 
 def read_more(path: Path, sensitivity: str, relative_response: np.ndarray) -> list[MoreMeasurement]:
@@ -146,8 +140,8 @@ def read_more(path: Path, sensitivity: str, relative_response: np.ndarray) -> li
     InputError
         Naming the table and key, with the nearest that is known.
     """
-    written = read_toml(path, "write [[reading]], nm = 700, reflectance = 0.35")
-    tables, folder = checked(MeasurementsFile, written, path.name), path.parent
+    written = checked_tables.read_toml(path, "write [[reading]], nm = 700, reflectance = 0.35")
+    tables, folder = checked_tables.checked(MeasurementsFile, written, path.name), path.parent
     by_kind = {
         "reading": [_reading(table) for table in tables.reading],
         "band": [_band(table, folder) for table in tables.band],
@@ -159,14 +153,15 @@ def read_more(path: Path, sensitivity: str, relative_response: np.ndarray) -> li
 
 
 def _reading(table: ReadingTable) -> MoreMeasurement:
-    reading = reading_at(table.nm, table.reflectance, table.error, table.fwhm_nm)
+    reading = sample.reading_at(table.nm, table.reflectance, table.error, table.fwhm_nm)
     return MoreMeasurement(reading.name, (reading,))
 
 
 def _band(table: BandTable, folder: Path) -> MoreMeasurement:
-    curves, grid = read_table(folder / table.curve), FINE_GRID
-    column = column_index(curves, table.column)
-    curve = on_grid(curves.nm, np.maximum(curves.values[column], 0), grid, curves.file)
+    curves, grid = spectrum_files.read_table(folder / table.curve), FINE_GRID
+    column = spectrum_files.column_index(curves, table.column)
+    curve = spectrum_files.on_grid(curves.nm, np.maximum(curves.values[column], 0), grid,
+                                   curves.file)
     name = f"the band {curves.names[column]} of {curves.file}"
     return MoreMeasurement(name, (Reading(name, grid.nm, curve, table.reflectance, table.error),))
 
@@ -188,26 +183,26 @@ def _patch(number: int, measurement: SpectralMeasurement) -> MoreMeasurement:
 def _measurement(table: SignalTable, relative_response: np.ndarray,
                  name: str) -> SpectralMeasurement:
     def by_band(numbers: tuple[float, ...], option: str) -> np.ndarray:
-        return per_band(np.array(numbers), len(relative_response), option)
+        return signal_options.per_band(np.array(numbers), len(relative_response), option)
 
-    return measurement_of_signal(relative_response, by_band(table.signal, name),
+    return sample.measurement_of_signal(relative_response, by_band(table.signal, name),
                                  None if table.white is None else by_band(table.white, "white"),
                                  None if table.noise is None else by_band(table.noise, "noise"))
 
 
 def _spot(table: SpotTable, folder: Path) -> MoreMeasurement:
-    spectrum = spectrum_of(read_table(folder / table.file), role=Quantity.REFLECTANCE,
-                           column=table.column)
+    spectrum = spectrum_files.spectrum_of(spectrum_files.read_table(folder / table.file),
+                                          role=Quantity.REFLECTANCE, column=table.column)
     step = max(table.step_nm, SPOT_STEP_NM)
     nm = np.arange(400, 701, step)
     nm = nm[(nm >= spectrum.grid.nm[0]) & (nm <= spectrum.grid.nm[-1])]
     if not nm.size:
         raise InputError(f"{table.file} holds nothing of 400-700 nm; leave the spot out")
     values = np.interp(nm, spectrum.grid.nm, spectrum.values)
-    errors = np.full(nm.size, READING_ERROR if table.error is None else table.error)
+    errors = np.full(nm.size, sample.READING_ERROR if table.error is None else table.error)
     if spectrum.standard_error is not None and table.error is None:
         errors = np.interp(nm, spectrum.grid.nm, spectrum.standard_error)
-    readings = [reading_at(float(at_nm), float(value), float(error))
+    readings = [sample.reading_at(float(at_nm), float(value), float(error))
                 for at_nm, value, error in zip(nm, values, errors, strict=True)]
     return MoreMeasurement(f"the spot of {table.file}", tuple(readings))
 
@@ -215,4 +210,3 @@ def _spot(table: SpotTable, folder: Path) -> MoreMeasurement:
 def _file_or_name(name: str, folder: Path) -> str:
     path = folder / name
     return str(path) if is_there(path) and path.is_file() else name
-

@@ -7,18 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.measure.signals.sample import READING_ERROR, listed, reading_at
-from spectrabox.radiometry.appearance import (
-    TO_SRGB,
-    decode_srgb,
-    signal_of_colour,
-    signal_of_srgb,
-)
+from spectrabox.measure.signals import sample
+from spectrabox.radiometry import appearance
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import csv_rows
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.spectra import named_spectra
-from spectrabox.radiometry.spectra.band_columns import columns_of_bands
+from spectrabox.radiometry.spectra.cameras import columns_of_bands
 from spectrabox.radiometry.system.words import is_number
 from spectrabox.sampling.further.more_measurements import Reading
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
@@ -61,7 +56,7 @@ def per_band(values: np.ndarray, bands: int, name: str) -> np.ndarray:
     if values.size != bands:
         raise InputError(f"--{name} has {values.size} values; the sensitivities have {bands} bands")
     if not np.all(np.isfinite(values)):
-        raise InputError(f"--{name} {listed(values)} holds a value that is not finite")
+        raise InputError(f"--{name} {sample.listed(values)} holds a value that is not finite")
     return values
 
 
@@ -96,7 +91,7 @@ def colour_signal(kind: str, text: str, light: str) -> tuple[np.ndarray, np.ndar
     if text.replace(";", ",").count(",") != 2:
         raise InputError(f"--{kind} {text!r} is no colour; write three numbers, such as "
                          f"{'45,-27,30' if kind == 'lab' else '14.5,20.1,9.6'}")
-    return signal_of_colour(light, **{kind: numbers(text, 3, kind)}), None
+    return appearance.signal_of_colour(light, **{kind: numbers(text, 3, kind)}), None
 
 
 def srgb_values(text: str) -> np.ndarray:
@@ -136,11 +131,12 @@ def srgb_signal(text: str) -> tuple[np.ndarray, np.ndarray]:
     ------
     InputError
     """
-    values, to_xyz = srgb_values(text), np.linalg.inv(TO_SRGB)
+    values, to_xyz = srgb_values(text), np.linalg.inv(appearance.TO_SRGB)
     # an even distribution over one step of 8 bits
-    rounding = (decode_srgb(np.minimum(values + 0.5, 255) / 255)
-                - decode_srgb(np.maximum(values - 0.5, 0) / 255)) / np.sqrt(12)
-    return signal_of_srgb(values / 255), np.sqrt(to_xyz**2 @ rounding**2) / to_xyz.sum(axis=1)
+    rounding = (appearance.decode_srgb(np.minimum(values + 0.5, 255) / 255)
+                - appearance.decode_srgb(np.maximum(values - 0.5, 0) / 255)) / np.sqrt(12)
+    return appearance.signal_of_srgb(values
+                                     / 255), np.sqrt(to_xyz**2 @ rounding**2) / to_xyz.sum(axis=1)
 
 
 def signal_and_noise(text: str, bands: int, name: str) -> tuple[np.ndarray, np.ndarray | None]:
@@ -219,4 +215,5 @@ def parse_reading(text: str) -> Reading:
         raise InputError(f"--reading {text!r} cannot be read; write NM:REFLECTANCE or "
                          "NM:REFLECTANCE:ERROR, and NM/FWHM in place of NM for a band of that "
                          "width in nm")
-    return reading_at(nm, values[0], values[1] if len(values) == 2 else READING_ERROR, fwhm_nm)
+    return sample.reading_at(nm, values[0], values[1] if len(values) == 2 else sample.READING_ERROR,
+                             fwhm_nm)

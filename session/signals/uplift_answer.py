@@ -10,32 +10,20 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.capture.photo.image_files import is_image_file
-from spectrabox.capture.photo.image_rows import PictureRows, open_encoded, open_rows
+from spectrabox.capture.photo import image_rows
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.capture.photo.processed_photos import NotLinearError
-from spectrabox.capture.photo.stored_images import read_header
+from spectrabox.capture.photo.stored_images import is_image_file, read_header
+from spectrabox.measure.pictures import pixel_spectra, spectra_files, uplift
 from spectrabox.measure.pictures.photo_white import (
     PhotoWhite,
     photo_white,
     require_camera_signal,
 )
-from spectrabox.measure.pictures.pixel_spectra import (
-    GRID_STEP_NM,
-    SpectraPlan,
-    Survey,
-    merge_surveys,
-    plan_spectra,
-    require_below_white,
-    row_blocks,
-    survey_rows,
-)
-from spectrabox.measure.pictures.spectra_files import PictureLayout, computed_blocks, write_spectra
-from spectrabox.measure.pictures.uplift import ImageSource, require_bands, require_side
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.spectra.named_spectra import relative_response
-from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
+from spectrabox.sampling.prior import mixture
 from spectrabox.session.commands.requests import OBSERVER, UpliftRequest
 from spectrabox.session.signals.signal_options import numbers, response_of_names
 from spectrabox.session.terminal.progress_display import StageProgress
@@ -75,7 +63,7 @@ def stated_white(request: UpliftRequest) -> tuple[UpliftRequest, str, PhotoWhite
         except InputError:
             photo = None            # too small to show a chart; what cannot be read is said below
         if photo is not None:
-            require_bands(photo.signal.shape[2], response)
+            uplift.require_bands(photo.signal.shape[2], response)
             found = photo_white(photo, response, WHITE_REMEDY)
     if found is None:
         return replace(request, white=",".join(["1"] * len(response))), \
@@ -92,9 +80,9 @@ def _is_searched(image: Path) -> bool:
     return rows.width * rows.height <= MAX_SEARCHED_PX
 
 
-def _opened(image: Path) -> PictureRows:
+def _opened(image: Path) -> image_rows.PictureRows:
     try:
-        return open_rows(image)
+        return image_rows.open_rows(image)
     except NotLinearError as error:
         raise InputError(f"{error}. --encoded takes a picture in sRGB for colours under "
                          "daylight") from None
@@ -105,9 +93,9 @@ def _camera_and_light(request: UpliftRequest) -> tuple[str, str]:
     return request.sensitivity, request.light
 
 
-def uplift_layout(request: UpliftRequest) -> PictureLayout:
+def uplift_layout(request: UpliftRequest) -> spectra_files.PictureLayout:
     """Wavelengths and format of the files."""
-    return PictureLayout(request.step, request.full, request.to)
+    return spectra_files.PictureLayout(request.step, request.full, request.to)
 
 
 def uplift_answer(request: UpliftRequest, progress: StageProgress) -> tuple[dict[str, Any], str]:
@@ -125,46 +113,47 @@ def uplift_answer(request: UpliftRequest, progress: StageProgress) -> tuple[dict
     source, layout = image_source(request), uplift_layout(request)
     height, width, _ = source.size
 
-    def surveys() -> Iterator[Survey]:
-        for first, last in row_blocks(height, width):
-            yield survey_rows(source, first, last)
+    def surveys() -> Iterator[pixel_spectra.Survey]:
+        for first, last in pixel_spectra.row_blocks(height, width):
+            yield pixel_spectra.survey_rows(source, first, last)
             progress("signals", last / height, "")
 
-    survey = merge_surveys(surveys())
-    require_below_white(survey.above, height * width, WHITE_REMEDY)
+    survey = pixel_spectra.merge_surveys(surveys())
+    pixel_spectra.require_below_white(survey.above, height * width, WHITE_REMEDY)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        plan = plan_spectra(source, layout, survey,
+        plan = pixel_spectra.plan_spectra(source, layout, survey,
                             lambda share: progress("table", share, ""), pool.map)
-    blocks = computed_blocks(height, width, source.block,
+    blocks = spectra_files.computed_blocks(height, width, source.block,
                              lambda block: plan.split(plan.values(source, block)))
-    paths = write_spectra(blocks, (height, width), request.out, layout,
+    paths = spectra_files.write_spectra(blocks, (height, width), request.out, layout,
                           lambda share: progress("spectra", share, ""), source.responses)
     return uplift_summary(request, plan, paths, height * width, survey.outside)
 
 
-def image_source(request: UpliftRequest) -> ImageSource:
+def image_source(request: UpliftRequest) -> uplift.ImageSource:
     """The image of a request, open, and all that its pixels' spectra depend on.
 
     Raises
     ------
     InputError
     """
-    span = round(PRIOR_GRID.nm[-1] - PRIOR_GRID.nm[0])
-    if request.step < 1 or request.step % GRID_STEP_NM or span % request.step:
+    span = round(mixture.PRIOR_GRID.nm[-1] - mixture.PRIOR_GRID.nm[0])
+    if request.step < 1 or request.step % pixel_spectra.GRID_STEP_NM or span % request.step:
         raise InputError(f"--step {request.step} does not divide 400-700 nm into steps of "
-                         f"{GRID_STEP_NM} nm; take 5, 10, 15, 20, 25, 30, 50 or 60")
-    require_side(request.side)
+                         f"{pixel_spectra.GRID_STEP_NM} nm; take 5, 10, 15, 20, 25, 30, 50 or 60")
+    uplift.require_side(request.side)
     response = response_of_names(*_camera_and_light(request))
-    image = open_encoded(request.image) if request.encoded else _opened(request.image)
-    require_bands(image.bands, response)
+    image = image_rows.open_encoded(request.image) if request.encoded else _opened(request.image)
+    uplift.require_bands(image.bands, response)
     white = np.ones(image.bands) if request.white is None \
         else numbers(request.white, image.bands, "white")
-    return ImageSource(image, white.astype(np.float32), response,
-                       of_families(load_prior(), request.family), request.noise, request.side)
+    return uplift.ImageSource(image, white.astype(np.float32), response,
+                              mixture.of_families(mixture.load_prior(), request.family),
+                              request.noise, request.side)
 
 
-def uplift_summary(request: UpliftRequest, plan: SpectraPlan, paths: dict[str, Path], pixels: int,
-                   outside: int) -> tuple[dict[str, Any], str]:
+def uplift_summary(request: UpliftRequest, plan: pixel_spectra.SpectraPlan, paths: dict[str, Path],
+                   pixels: int, outside: int) -> tuple[dict[str, Any], str]:
     """JSON object and text of an image whose spectra are written.
 
     Parameters

@@ -1,13 +1,21 @@
 """Keys of kept records: digests of the parts of a capture that a step reads, of the files behind
-them, and of the code that made the record.
+them, and of the program.
 """
+
+
 from __future__ import annotations
 
 import dataclasses
+import datetime
+import functools
 import hashlib
+import importlib.metadata
+import json
 import os
+import platform
+import re
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -15,13 +23,208 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
+import spectrabox
+from spectrabox.calibrate.geometry.colmap_model import CAMERAS_NAME, IMAGES_NAME
 from spectrabox.measure.captured import Capture, InputFile
+from spectrabox.measure.shoot.inputs import chart_files
 from spectrabox.measure.steps.declared_steps import steps_of
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import FileState, file_state
+from spectrabox.radiometry.spectra.formats.delimited import envi_partner, metadata_path
 from spectrabox.reconstruct.rendering.llvm import llvm_name
 from spectrabox.reconstruct.scene.scene_file import SceneFile
-from spectrabox.session.store.input_files import InputFiles
-from spectrabox.session.store.program import DECISIVE, LIBRARY, room_digests, versions
-from spectrabox.session.store.store import fingerprint
+from spectrabox.session.config.session_file import SessionConfig
+from spectrabox.session.store.record_files import fingerprint
+
+PACKAGE = Path(spectrabox.__file__).resolve().parent
+LIBRARY = ("radiometry", "capture", "calibrate", "reconstruct", "sampling", "measure")
+
+PACKAGES = ("spectrabox", "numpy", "scipy", "mitsuba", "drjit", "rawpy",
+            "opencv-contrib-python-headless", "colour-science", "OpenImageIO", "exifread")
+DECISIVE = ("spectrabox", "mitsuba", "drjit", "rawpy", "scipy", "opencv-contrib-python-headless")
+
+
+def versions(names: tuple[str, ...] = PACKAGES) -> dict[str, str]:
+    """Installed versions of the packages that results depend on."""
+    return {name: _version(name) for name in names}
+
+
+def room_digests(rooms: Iterable[str]) -> dict[str, str]:
+    """Digests of the files of rooms: modules, models, tables, templates.
+
+    Parameters
+    ----------
+    rooms : iterable of str
+        Folders, such as "sampling".
+    """
+    return {room: _room_digest(PACKAGE / room) for room in rooms}
+
+
+@functools.cache        # of the code that runs: what is edited meanwhile is not loaded again
+def _room_digest(folder: Path) -> str:
+    digest = hashlib.sha256()
+    for inside, _, names in sorted(os.walk(folder)):
+        for name in sorted(names) if not inside.endswith("__pycache__") else ():
+            digest.update(os.fsencode(f"{inside[len(str(folder)):]}/{name}") + b"\0")
+            digest.update(hashlib.sha256(Path(inside, name).read_bytes()).digest())
+    return digest.hexdigest()
+
+
+@functools.cache
+def program_digest() -> str:
+    """Digest of the whole program and of the packages that results depend on."""
+    program = {"code": room_digests((*LIBRARY, "session")), "versions": versions()}
+    return hashlib.sha256(json.dumps(program, sort_keys=True).encode()).hexdigest()
+
+
+def provenance(command: list[str], seed: int, device: str) -> dict[str, Any]:
+    """Versions, command, seed, time and kind of machine; no paths and no names of machines.
+
+    Parameters
+    ----------
+    command : list of str
+        As the operator could type it again, without paths.
+    device : str
+        Where Mitsuba rendered.
+    """
+    more = {"python": platform.python_version(), "llvm": llvm_name()}
+    return {"versions": versions() | more, "command": command, "seed": seed,
+            "device": device, "machine": platform.machine(), "system": platform.system(),
+            "finished": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")}
+
+
+def _version(name: str) -> str:
+    try:
+        text = importlib.metadata.distribution(name).read_text("METADATA") or ""
+    except importlib.metadata.PackageNotFoundError:
+        return "not installed"
+    # as importlib.metadata.version, which also parses the description, of many pages
+    stated = re.search(r"^Version: *(\S+)", text, re.MULTILINE)
+    return stated[1] if stated else importlib.metadata.version(name)
+
+
+# ---- the files that a run reads, as they were when it first looked at them -----------------------
+
+class InputFiles:
+    """States of a session's files, each taken once.
+
+    Parameters
+    ----------
+    config : SessionConfig
+    """
+
+    def __init__(self, config: SessionConfig) -> None:
+        self._config = config
+        self.folder = config.folder
+        self._states: dict[str, FileState] = {}
+
+    def digests(self, *names: str | None) -> dict[str, str]:
+        """SHA-256 of files by name, and of what lies beside them: the other half
+        of a spectral library, the metadata of a table.
+
+        Parameters
+        ----------
+        names : str or None
+            As session.toml gives them; None is passed over.
+
+        Raises
+        ------
+        InputError
+            If a file is missing, cannot be read, or lies outside the session folder.
+        """
+        digests = {}
+        for name in self._with_partners(names):
+            if name not in self._states:
+                self._states[name] = file_state(self._path(name))
+            digests[name] = self._states[name].sha256
+        return digests
+
+    def require_unchanged(self, names: Iterable[str]) -> None:
+        """Refuse results of files that were written to or replaced since their digest was taken.
+
+        Parameters
+        ----------
+        names : iterable of str
+            Of files whose digests were taken.
+
+        Raises
+        ------
+        InputError
+            With the name of the first that is not as it was.
+        """
+        for name in names:
+            if file_state(self._path(name)) != self._states[name]:
+                raise InputError(f"{name} was changed or replaced while it was read; leave the "
+                                 "files of a session alone while it runs, and run again")
+
+    def _with_partners(self, names: tuple[str | None, ...]) -> Iterable[str]:
+        for name in names:
+            if name is not None:
+                yield name
+                path = self._path(name)
+                for partner in (envi_partner(path), metadata_path(path)):
+                    if partner is not None and partner.is_file():
+                        yield str(Path(name).with_name(partner.name))
+
+    def _path(self, name: str) -> Path:
+        return self._config.path(name)
+
+
+# ---- what each input file of a session is for ----------------------------------------------------
+
+def input_files(config: SessionConfig, capture: Capture) -> list[str]:
+    """Names of every file that a session measures with, as seen from its folder.
+
+    Parameters
+    ----------
+    config : SessionConfig
+    capture : Capture
+        Of the session.
+    """
+    files = [*input_roles(config)]
+    if config.views_with_chart:
+        files += chart_files(config, config.inputs)
+    files += [name for name in (config.camera.lens, config.sensitivity.prior) if name is not None]
+    if config.box is not None and config.box.colmap is not None:
+        folder = config.box.colmap.folder.rstrip("/")
+        files += [f"{folder}/{name}" for name in (CAMERAS_NAME, IMAGES_NAME)]
+    scenes = [*capture.scenes.values(), capture.chart_scene]
+    files += [os.path.relpath(path, config.folder) for scene in scenes if scene is not None
+              for path in scene.files]
+    return [*dict.fromkeys(files)]
+
+
+def input_roles(config: SessionConfig) -> dict[str, str]:
+    """Every file that a session measures with, by name: its role, of a further photo with its
+    name.
+
+    Parameters
+    ----------
+    config : SessionConfig
+    """
+    roles: dict[str, str] = {}
+    for view in config.all_views:
+        for role, names in (("object photo", view.photo_files),
+                            ("light spectrum", view.light_files),
+                            ("scene", [view.scene] if view.scene else []),
+                            ("chart photo", view.chart_files)):
+            for name in names:
+                roles.setdefault(name, f"{role}, {view.name}" if view.name else role)
+    for role, others in (("dark frame", config.photos.dark_files),
+                         ("flat-field photo", config.photos.flats.values()),
+                         ("chart scene",
+                          [name for name in [config.chart.scene] if name is not None])):
+        for name in others:
+            roles.setdefault(name, role)
+    if not config.sensitivity.from_chart and config.sensitivity.source.file is not None:
+        roles.setdefault(config.sensitivity.source.file, "sensitivities")
+    for material, section in config.surfaces.items():
+        if section.measured is not None:
+            roles.setdefault(section.measured.file, f"known spectrum of {material}")
+    return roles
+
+
+# ---- keys of kept records ------------------------------------------------------------------------
 
 Key = dict[str, Any]
 

@@ -1,4 +1,14 @@
-"""Locks by which one process at a time writes to a folder; they die with their owner."""
+"""Locks by which one process at a time writes to a folder, and results that several sessions have
+in common.
+
+Results of a stage that several sessions have in common: one computes them, the others copy.
+
+A stage's key names all that its results depend on (``keys.py``): sessions whose keys agree would
+compute the same bits. They lie in a folder named after the key, whose lock is held while they are
+computed.
+"""
+
+
 from __future__ import annotations
 
 import contextlib
@@ -8,11 +18,12 @@ import os
 import platform
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from spectrabox.measure.steps.declared_steps import FLAT_STEPS, SCENE_STEPS
+from spectrabox.radiometry import files
 from spectrabox.radiometry.errors import EnvironmentProblem
-from spectrabox.radiometry.files import require_no_link, sweep_unfinished, writable
-from spectrabox.session.store.store import sweep_stage
+from spectrabox.session.store import record_files
 
 try:
     import fcntl
@@ -42,12 +53,12 @@ def only_writer(folder: Path, command: str) -> Iterator[None]:
     """
     results = folder / "results"
     for name in ("results", "spdx"):
-        require_no_link(folder / name)
+        files.require_no_link(folder / name)
     with held_lock(results / RUN, wait=False, command=command):
         for stage in {step.name for step in (*FLAT_STEPS, *SCENE_STEPS)}:
-            sweep_stage(results, stage)
+            record_files.sweep_stage(results, stage)
         for inside in (folder, folder / "spdx", results):
-            sweep_unfinished(inside)
+            files.sweep_unfinished(inside)
         yield
 
 
@@ -55,7 +66,7 @@ def only_writer(folder: Path, command: str) -> Iterator[None]:
 def outputs_writer(folder: Path) -> Iterator[None]:
     """Be the only one that writes report and spectra, after any other."""
     for name in ("results", "spdx"):
-        require_no_link(folder / name)
+        files.require_no_link(folder / name)
     with held_lock(folder / "results" / OUTPUTS):
         yield
 
@@ -73,11 +84,11 @@ def sole_user(out: Path) -> Iterator[None]:
     EnvironmentProblem
         If another process does, saying which; if the folder cannot be written.
     """
-    require_no_link(out)
+    files.require_no_link(out)
     with held_lock(out / BATCH, wait=False, command="spectrabox batch",
                    where="uses this output folder"):
         for inside in (out, *(each for each in out.iterdir() if each.is_dir())):
-            sweep_unfinished(inside)
+            files.sweep_unfinished(inside)
         yield
 
 
@@ -105,7 +116,7 @@ def held_lock(file: Path, *, wait: bool = True, command: str = "",
     if fcntl is None:       # Windows: there a file that is open cannot be replaced in any case
         yield
         return
-    with writable(file.parent):
+    with files.writable(file.parent):
         handle = os.open(file, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
     try:
         try:
@@ -133,3 +144,42 @@ def _owner(handle: int) -> str:
     except (ValueError, KeyError, TypeError):
         return "another process"
 
+
+# ---- results of a stage that several sessions have in common -------------------------------------
+
+SHARED = ("chart", "calibrate")     # what photos of one day have in common
+
+
+@contextlib.contextmanager
+def shared_stage(shared: Path | None, stage: str,
+                 key: dict[str, Any]) -> Iterator[record_files.StoredStage | None]:
+    """Results of a stage that another session has stored, whole and of this very key; None where
+    there are none. While the block computes them, others that need them wait.
+
+    Parameters
+    ----------
+    shared : Path or None
+        Folder of what is shared; None where nothing is.
+    stage : str
+    key : dict
+        As JSON gives it back.
+    """
+    if shared is None or stage not in SHARED:
+        yield None
+        return
+    files.require_no_link(shared)
+    with held_lock(shared / f".{shared_name(stage, key)}.lock"):
+        stored = record_files.load_stage(shared, shared_name(stage, key))
+        yield stored if stored is not None and not stored.fault and stored.key == key else None
+
+
+def share_stage(shared: Path | None, stage: str, stored: record_files.StoredStage) -> None:
+    """Keep a stage's results for other sessions."""
+    if shared is not None and stage in SHARED:
+        with record_files.stage_folder(shared, shared_name(stage, stored.key)) as folder:
+            record_files.copy_stage(stored, folder)
+
+
+def shared_name(stage: str, key: dict[str, Any]) -> str:
+    """Folder of a stage's shared results."""
+    return f"{stage}-{record_files.fingerprint(key)[:32]}"

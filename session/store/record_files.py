@@ -1,20 +1,34 @@
-"""Any frozen record to a pair of files and back: arrays as .npz, everything else as JSON. No
-pickle.
+"""Stored results of a session: one folder per stage, replaced whole; any frozen record as a pair of
+files.
+
+Stored results of a session: one folder per stage, replaced whole, with the key of what it was
+made from.
+
+A stage's key is a plain dictionary (settings, files with their hashes, the keys of the stages
+before, versions), kept beside the results, so that a stale stage can say why it is stale.
 """
+
+
 from __future__ import annotations
 
 import contextlib
 import dataclasses
 import functools
+import hashlib
+import json
+import shutil
 import types
 import typing
+import zipfile
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
+from spectrabox.radiometry import files
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.system.archives import DamagedArchiveError, opened_npz
@@ -115,3 +129,180 @@ def opened_arrays(path: Path) -> Iterator[Mapping[str, np.ndarray]]:
     except (OSError, DamagedArchiveError) as error:
         raise InputError(f"the stored result {path.name} is damaged ({error}): remove "
                          f"{path.parent} and run again") from None
+
+
+# ---- stored results of a session -----------------------------------------------------------------
+
+FACTS, ARRAYS = "facts.json", "arrays.npz"
+FORMAT = 2      # of the stored records; a stage of another is made again
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class StoredStage:
+    """One finished stage as it lies on disk."""
+
+    folder: Path
+    facts: dict[str, Any]
+    damage: str | None = None       # the file that cannot be read
+
+    @property
+    def key(self) -> dict[str, Any]:
+        return dict(self.facts["key"])
+
+    @property
+    def seconds(self) -> float:
+        return float(self.facts["seconds"])
+
+    @property
+    def fault(self) -> str | None:
+        """Why its results cannot be used, to end a sentence on them; None where they can."""
+        if self.damage is not None:
+            return f"are damaged ({self.damage})"
+        return None if self.facts.get("format") == FORMAT \
+            else "are of another version of spectrabox"
+
+    def read(self, kind: type[T], *path: str) -> T:
+        """The stage's record, or a part of it.
+
+        Parameters
+        ----------
+        kind : type
+            Of the result.
+        path : str
+            Names that lead to the part.
+
+        Raises
+        ------
+        InputError
+            If the stored files are damaged.
+        """
+        try:
+            node = self.facts["records"]
+            for name in path:
+                node = node[name]
+            with opened_arrays(self.folder / ARRAYS) as arrays:
+                record: T = unpack(kind, node, arrays)
+                return record
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"the stored results of stage {self.folder.name} are damaged "
+                             f"({error!r}): remove {self.folder} and run again") from None
+
+
+def fingerprint(key: dict[str, Any]) -> str:
+    """Hash of a key."""
+    return hashlib.sha256(json.dumps(key, sort_keys=True).encode()).hexdigest()
+
+
+def load_stage(results: Path, stage: str) -> StoredStage | None:
+    """A stage's stored results, with a word for what in them is damaged; None where there are none.
+
+    Nothing is mended here: another process may be at work.
+    """
+    folder = next((folder for folder in (results / stage, results / f".{stage}.old",
+                                         results / stage) if folder.is_dir()), None)
+    if folder is None:
+        return None
+    damage = None if zipfile.is_zipfile(folder / ARRAYS) else ARRAYS
+    try:
+        facts = json.loads((folder / FACTS).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        facts = None
+    if not (isinstance(facts, dict) and isinstance(facts.get("key"), dict)
+            and isinstance(facts.get("seconds"), int | float)):
+        return StoredStage(folder, {"key": {}, "seconds": 0.0}, FACTS)
+    return StoredStage(folder, facts, damage)
+
+
+@contextlib.contextmanager
+def stage_folder(results: Path, stage: str) -> Iterator[Path]:
+    """An empty folder that takes the stage's place when the block ends well, is then on disk, and
+    vanishes otherwise, also where Ctrl-C or a signal ends the block.
+    """
+    new, old, final = results / f".{stage}.new", results / f".{stage}.old", results / stage
+    files.require_no_link(results)
+    try:
+        with files.writable(results):
+            sweep_stage(results, stage)
+            new.mkdir(parents=True)
+        yield new
+        with files.writable(results):
+            for path in (*new.rglob("*"), new):
+                files.sync(path)
+            if final.exists():
+                final.replace(old)
+            new.replace(final)
+            files.sync(results)
+        shutil.rmtree(old, ignore_errors=True)
+    finally:
+        shutil.rmtree(new, ignore_errors=True)
+
+
+def sweep_stage(results: Path, stage: str) -> None:
+    """Finish a replacement that was cut short, and remove what it left."""
+    new, old, final = results / f".{stage}.new", results / f".{stage}.old", results / stage
+    if old.exists() and not final.exists():
+        old.replace(final)
+    for left in (new, old):
+        shutil.rmtree(left, ignore_errors=True)
+
+
+def save_stage(folder: Path, key: dict[str, Any], records: Any, seconds: float,
+               more: dict[str, Any]) -> None:
+    """Write a stage's records and facts into its (temporary) folder.
+
+    Parameters
+    ----------
+    folder : Path
+        From ``stage_folder``.
+    key : dict
+        What the results are made from, as JSON gives it back.
+    records : record or dict
+        As ``record_files.pack`` takes it.
+    more : dict
+        Further facts to keep beside them.
+    """
+    arrays: dict[str, Any] = {}
+    facts = {"format": FORMAT, "key": key, "seconds": round(seconds, 3), **more,
+             "records": pack(records, "", arrays)}
+    with files.writable(folder.parent):
+        save_arrays(folder / ARRAYS, arrays)
+        (folder / FACTS).write_text(json.dumps(facts, indent=1, sort_keys=True), encoding="utf-8")
+
+
+def copy_stage(stored: StoredStage, folder: Path) -> None:
+    """Copy a stage's files into the (temporary) folder of another place.
+
+    Parameters
+    ----------
+    stored : StoredStage
+        Undamaged.
+    folder : Path
+        From ``stage_folder``.
+    """
+    with files.writable(folder.parent):
+        shutil.copytree(stored.folder, folder, symlinks=True, dirs_exist_ok=True)
+
+
+def why_stale(stored: dict[str, Any], current: dict[str, Any]) -> list[str]:
+    """What differs between two keys, in words.
+
+    Parameters
+    ----------
+    stored, current : dict
+        Keys of a stage: parts by name, each a dictionary.
+    """
+    reasons = []
+    for part in sorted(stored.keys() | current.keys()):
+        before, now = stored.get(part, {}), current.get(part, {})
+        if not (isinstance(before, dict) and isinstance(now, dict)):
+            reasons += [f"{part} changed"] if before != now else []
+            continue
+        for name in sorted(before.keys() | now.keys()):
+            if name not in now:
+                reasons.append(f"{part}: {name} is no longer used")
+            elif name not in before:
+                reasons.append(f"{part}: {name} is new")
+            elif before[name] != now[name]:
+                reasons.append(f"{part}: {name} changed")
+    return reasons

@@ -5,10 +5,10 @@ import dataclasses
 import json
 from pathlib import Path
 
-from spectrabox.measure.scene.rehearsed import Rehearsed, RehearsedMaterial
+from spectrabox.measure.scene.rehearsal import Rehearsed, RehearsedMaterial
 from spectrabox.radiometry.files import write_text_whole
 from spectrabox.session.config.session_file import SessionConfig
-from spectrabox.session.store.store import fingerprint, load_stage
+from spectrabox.session.store.record_files import fingerprint, load_stage
 
 FILE = "rehearsal.json"
 

@@ -1,30 +1,137 @@
-"""Spectra of a finished session for other programs: tables, IES TM-27 files, colours, Mitsuba
+"""Spectra and draws of a finished session as files for other programs.
+
+Spectra of a finished session for other programs: tables, IES TM-27 files, colours, Mitsuba
 materials, and of a scene the pictures that compare photo and rendering.
 """
+
+
 from __future__ import annotations
 
+import importlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from spectrabox.capture.photo.image_writers import write_exr, write_png
+from spectrabox.measure.records import SampleRecords
 from spectrabox.measure.results.capture_result import CaptureResult
 from spectrabox.measure.results.scene_result import SceneResult, bsdf_reflectances
 from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.radiometry.appearance import acescg_weights, tristimulus_weights
-from spectrabox.radiometry.files import writable, write_text_whole
+from spectrabox.radiometry.errors import EnvironmentProblem, InputError
+from spectrabox.radiometry.files import whole_file, writable, write_text_whole
+from spectrabox.radiometry.grid import at_whole_steps
 from spectrabox.radiometry.records.scenes import Reconstruction
 from spectrabox.radiometry.records.spectra import Quantity
-from spectrabox.radiometry.spectra.formats.csvw import metadata_path, metadata_text, plain_text
+from spectrabox.radiometry.spectra.formats import delimited
 from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
 from spectrabox.radiometry.system.words import cell, file_stem
 from spectrabox.reconstruct.scene.scene_file import SceneFile
 from spectrabox.reconstruct.scene.scene_xml import materials_xml
 from spectrabox.session.report.maps import comparison_rgb8
 
+FORMS = {".npz": "wavelengths and one array of draws a surface",
+         ".csv": "a row for each surface, draw and wavelength",
+         ".parquet": "the same as a Parquet table"}
+COLUMNS = ("surface", "draw", "wavelength_nm", "reflectance")
+MAX_ROWS = 50_000_000       # of a long form
+
+
+def stored_draws(records: SampleRecords, step_nm: int,
+                 draws: int | None) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Wavelengths (P,) and draws (n, P) of every surface whose spectrum was not given.
+
+    Parameters
+    ----------
+    records : SampleRecords
+        Of a finished session.
+    step_nm : int
+        Between wavelengths: those that are whole steps from the first are kept.
+    draws : int or None
+        Of each surface, the first so many; None for all.
+
+    Raises
+    ------
+    InputError
+        If there are none.
+    """
+    if not records.spectra:
+        raise InputError("every spectrum of this session was given; there are no draws to write")
+    draws_of = {}
+    for name, spectrum in records.spectra.items():
+        nm = spectrum.samples.grid.nm
+        kept = at_whole_steps(nm, step_nm)
+        draws_of[name] = nm[kept], spectrum.samples.spectra[:draws, kept]
+    return draws_of
+
+
+def write_draws(path: Path, draws: dict[str, tuple[np.ndarray, np.ndarray]]) -> None:
+    """Write draws as the path's ending says, whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+    draws : dict
+        As ``stored_draws`` gives them.
+
+    Raises
+    ------
+    InputError
+        If a long form would have more rows than any program reads.
+    EnvironmentProblem
+        If a Parquet table is asked for and pyarrow is not installed.
+    """
+    rows = sum(values.size for _, values in draws.values())
+    if path.suffix.lower() != ".npz" and rows > MAX_ROWS:
+        raise InputError(f"{path.name} would have {rows} rows; take fewer --samples, a wider "
+        "--step, "
+                         "or .npz")
+    with whole_file(path) as unfinished:
+        {".npz": _npz, ".csv": _csv, ".parquet": _parquet}[path.suffix.lower()](unfinished, draws)
+
+
+def _npz(path: Path, draws: dict[str, tuple[np.ndarray, np.ndarray]]) -> None:
+    nm, _ = next(iter(draws.values()))
+    arrays: dict[str, Any] = {f"draws_{index}": values.astype(np.float32)
+                              for index, (_, values) in enumerate(draws.values())}
+    with path.open("wb") as file:
+        np.savez_compressed(file, wavelengths_nm=nm, surfaces=np.array(list(draws)), **arrays)
+
+
+def _csv(path: Path, draws: dict[str, tuple[np.ndarray, np.ndarray]]) -> None:
+    with path.open("w", encoding="utf-8", newline="\n") as file:
+        file.write(",".join(COLUMNS) + "\n")
+        for name, (nm, values) in draws.items():
+            word = '"' + cell(name).replace('"', '""') + '"'
+            points = [f"{wavelength:g}" for wavelength in nm]
+            for number, spectrum in enumerate(values):
+                file.write("".join(f"{word},{number},{point},{value:.7g}\n"
+                                   for point, value in zip(points, spectrum, strict=True)))
+
+
+def _parquet(path: Path, draws: dict[str, tuple[np.ndarray, np.ndarray]]) -> None:
+    try:
+        arrow = importlib.import_module("pyarrow")      # optional: no other format needs it
+        parquet = importlib.import_module("pyarrow.parquet")
+    except ModuleNotFoundError:
+        raise EnvironmentProblem("a Parquet table is written by pyarrow, which is not installed: "
+                                 "pip install pyarrow, or give --out NAME.csv or NAME.npz"
+                                 ) from None
+    tables = []
+    for name, (nm, values) in draws.items():
+        count, width = values.shape
+        tables.append(arrow.table(dict(zip(COLUMNS, (
+            [name] * values.size, np.repeat(np.arange(count, dtype=np.int32), width),
+            np.tile(nm, count), values.astype(np.float32).ravel()), strict=True))))
+    parquet.write_table(arrow.concat_tables(tables), path)
+
+
+# ---- spectra of a finished session for other programs --------------------------------------------
+
 MIN_SIGNAL = 1e-6  # signal under which a relative residual is not formed
-COLUMNS = ("X", "Y", "Z", "ACEScg R", "ACEScg G", "ACEScg B")
+TABLE_COLUMNS = ("X", "Y", "Z", "ACEScg R", "ACEScg G", "ACEScg B")
 
 
 def write_surface_files(found: CaptureResult, folder: Path, title: str) -> list[Path]:
@@ -109,9 +216,9 @@ def _texts(found: CaptureResult, folder: Path, title: str) -> dict[Path, str]:
     """
     nm, table = found.grid.nm, folder / "spectra.csv"
     columns = spectra_columns(found)
-    stated = metadata_text(table.name, columns, quantity=Quantity.REFLECTANCE,
+    stated = delimited.metadata_text(table.name, columns, quantity=Quantity.REFLECTANCE,
                            source=f"spectrabox, {title}")
-    files = {table: plain_text(nm, columns), metadata_path(table): stated,
+    files = {table: delimited.plain_text(nm, columns), delimited.metadata_path(table): stated,
              folder / "materials.csv": colours_text(found.surfaces)}
     return files | {folder / "spdx" / f"{file_stem(surface.name)}.spdx": spdx_text(
         nm, {surface.name: surface.mean}, quantity=Quantity.REFLECTANCE,
@@ -143,14 +250,15 @@ def colours_text(surfaces: Sequence[SurfaceResult]) -> str:
     ----------
     surfaces : sequence of SurfaceResult
     """
-    rows = [["material", *COLUMNS, *(f"standard deviation {name}" for name in COLUMNS)]]
+    rows = [["material", *TABLE_COLUMNS, *(f"standard deviation {name}" for name in TABLE_COLUMNS)]]
     for surface in surfaces:
         drawn, drawn_nm = surface.mean[None], surface.nm
         if surface.samples is not None:
             drawn, drawn_nm = surface.samples.spectra, surface.samples.grid.nm
         colours = drawn @ np.vstack([tristimulus_weights(drawn_nm, "D65"),
                                      acescg_weights(drawn_nm)]).T
-        deviation = colours.std(axis=0, ddof=1) if len(colours) > 1 else np.zeros(len(COLUMNS))
+        deviation = colours.std(axis=0, ddof=1) if len(colours) > 1 else np.zeros(
+            len(TABLE_COLUMNS))
         rows.append(['"' + cell(surface.name).replace('"', '""') + '"',
                      *(f"{value:.6f}" for value in (*colours.mean(axis=0), *deviation))])
     return "".join(",".join(row) + "\n" for row in rows)

@@ -1,6 +1,6 @@
-"""What every command shares: a function's parameters as its options, one clear message per error,
-one JSON object per answer.
-"""
+"""Records, arrays, enumerations and paths as what JSON can hold."""
+
+
 from __future__ import annotations
 
 import contextlib
@@ -11,25 +11,55 @@ import math
 import os
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
+from enum import Enum
 from functools import cached_property, update_wrapper
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
-from spectrabox.radiometry.errors import (
-    EnvironmentProblem,
-    InputError,
-    SpectraboxError,
-    interrupt_behind,
-)
+from spectrabox.radiometry import errors
 from spectrabox.radiometry.system.words import message, plain
 from spectrabox.session.terminal.command_help import is_repeated, parameter_of
-from spectrabox.session.terminal.json_values import to_json
 
 if TYPE_CHECKING:
     from spectrabox.radiometry.findings import Finding
+
+
+PLAIN = {float, int, str, bool, type(None)}     # what JSON holds as it is, most of a long answer
+
+
+def to_json(value: Any) -> Any:
+    """What JSON can hold of a value, the keys of a record being the names of its fields.
+
+    Parameters
+    ----------
+    value : Any
+        Records (dataclasses), arrays, mappings, sequences, enumerations (by their values), paths,
+        numbers, text, None; nested as one likes.
+
+    Returns
+    -------
+    dict, list, str, int, float, bool or None
+    """
+    if type(value) in PLAIN:
+        return value
+    if is_dataclass(value) and not isinstance(value, type):
+        return {field.name: to_json(getattr(value, field.name)) for field in fields(value)}
+    if isinstance(value, Mapping):
+        return {key: to_json(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [each if type(each) in PLAIN else to_json(each) for each in value]
+    if isinstance(value, Enum):
+        return value.value
+    if isinstance(value, Path):
+        return str(value)
+    # arrays and numbers of NumPy, which need not be imported to know them
+    return value.tolist() if hasattr(value, "tolist") else value
+
+
+# ---- what every command shares -------------------------------------------------------------------
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="The session folder.",
                                         show_default=False)]
@@ -160,7 +190,7 @@ def _is_record(parameter: inspect.Parameter) -> bool:
     return is_dataclass(parameter.annotation)
 
 
-class UsageProblem(SpectraboxError):
+class UsageProblem(errors.SpectraboxError):
     """Options that do not go together, or a value that an option cannot have."""
 
     exit_code = 2
@@ -180,7 +210,7 @@ def reported_errors(as_json: bool, debug: bool) -> Iterator[None]:
     except BaseException as error:      # libraries also raise errors that are no Exception
         if isinstance(error, typer.Exit | BrokenPipeError) or hasattr(error, "format_message"):
             raise                       # Click leaves, quietly where no one reads on
-        stopped = interrupt_behind(error) is not None
+        stopped = errors.interrupt_behind(error) is not None
         if debug and not stopped:
             raise
         fail(as_json, *(STOPPED if stopped else describe_error(error)))
@@ -188,18 +218,18 @@ def reported_errors(as_json: bool, debug: bool) -> Iterator[None]:
 
 def describe_error(error: BaseException) -> tuple[str, int]:
     """One sentence on any error but an interrupt, and the exit code that it means."""
-    if isinstance(error, SpectraboxError):
+    if isinstance(error, errors.SpectraboxError):
         return str(error), error.exit_code
     if isinstance(error, MemoryError):
-        return NO_MEMORY, EnvironmentProblem.exit_code
+        return NO_MEMORY, errors.EnvironmentProblem.exit_code
     if isinstance(error, OSError) and error.strerror is not None:
         full = error.errno in DISK_TROUBLE
         if error.filename is not None:
             return (f"{_text(error.filename)} cannot be read or written ({error.strerror}): "
                     "correct its name, or change its permissions",
-                    EnvironmentProblem.exit_code if full else InputError.exit_code)
+                    errors.EnvironmentProblem.exit_code if full else errors.InputError.exit_code)
         if full:
-            return f"{NOT_WRITTEN} ({error.strerror})", EnvironmentProblem.exit_code
+            return f"{NOT_WRITTEN} ({error.strerror})", errors.EnvironmentProblem.exit_code
     return (f"unexpected {type(error).__name__}: {error}; run again with --debug and report what "
             "it shows"), 1
 
@@ -221,7 +251,7 @@ def flushed_output() -> Iterator[None]:
         except OSError as error:        # Python would try again at its end
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             if not isinstance(error, BrokenPipeError):
-                raise EnvironmentProblem(f"{NOT_WRITTEN} ({error.strerror})") from None
+                raise errors.EnvironmentProblem(f"{NOT_WRITTEN} ({error.strerror})") from None
 
 
 def fail(as_json: bool, sentence: str, exit_code: int) -> NoReturn:
@@ -280,9 +310,11 @@ def require_new(out: Path, force: bool, *inputs: Path | None) -> None:
     InputError
     """
     if out.resolve() in {given.resolve() for given in inputs if given is not None}:
-        raise InputError(f"{out} is an input of this command; give another name for the output")
+        raise errors.InputError(
+            f"{out} is an input of this command; give another name for the output")
     if out.exists() and not force:
-        raise InputError(f"{out} exists already; give another name, or replace it with --force")
+        raise errors.InputError(
+            f"{out} exists already; give another name, or replace it with --force")
 
 
 def pixel_numbers(text: str, count: int, option: str, form: str) -> list[float]:
@@ -305,6 +337,7 @@ def pixel_numbers(text: str, count: int, option: str, form: str) -> list[float]:
     except ValueError:
         numbers = []
     if len(numbers) != count or not all(map(math.isfinite, numbers)):
-        raise InputError(f"{option} {text!r}: {count} numbers in pixels of the photo are needed, "
-                         f"{form}")
+        raise errors.InputError(
+            f"{option} {text!r}: {count} numbers in pixels of the photo are needed, "
+            f"{form}")
     return numbers

@@ -4,20 +4,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from spectrabox.api.arguments import (
-    CameraLike,
-    FilterLike,
-    LightLike,
-    as_curves,
-    as_filter,
-    as_spectrum,
-)
+from spectrabox.api import arguments
 from spectrabox.api.estimates import MeasuredSpectra
 from spectrabox.api.session import Session
 from spectrabox.measure.advice.advice import Advice
 from spectrabox.measure.advice.advise import advice_on_signal, stated_outlook
 from spectrabox.measure.estimate import Estimate
-from spectrabox.measure.more_bands.further_photos import LampsAtHand
+from spectrabox.measure.more_bands.filter_fit import LampsAtHand
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.spectra.filters import filters_at_hand
@@ -27,9 +20,10 @@ from spectrabox.radiometry.system.threads import one_blas_thread
 
 @one_blas_thread()
 def advise(known: MeasuredSpectra | Estimate | Session | str | Path, *,
-           lamps: Sequence[str] | Mapping[str, LightLike] | None = None,
-           filters: str | Path | Mapping[str, FilterLike] | None = None,
-           camera: CameraLike | None = None, light: LightLike | None = None) -> tuple[Advice, ...]:
+           lamps: Sequence[str] | Mapping[str, arguments.LightLike] | None = None,
+           filters: str | Path | Mapping[str, arguments.FilterLike] | None = None,
+           camera: arguments.CameraLike | None = None,
+           light: arguments.LightLike | None = None) -> tuple[Advice, ...]:
     """What to do next, the best first.
 
     Parameters
@@ -86,14 +80,14 @@ def advise(known: MeasuredSpectra | Estimate | Session | str | Path, *,
                              f"give the result that {known.name!r} is of")
         return advice_on_signal(
             known.measurement, known.prior, found=stated_outlook(known), hand=hand,
-            curves=None if camera is None else as_curves(camera),
-            present=None if light is None else spectrum_on_grid(as_spectrum(light), FINE_GRID))
+            curves=None if camera is None else arguments.as_curves(camera), present=None
+            if light is None else spectrum_on_grid(arguments.as_spectrum(light), FINE_GRID))
     raise InputError(f"advise() takes a result of flat or reconstruct_scene, a session or its "
                      f"folder, or an estimate, and got {type(known).__name__}")
 
 
-def _at_hand(lamps: Sequence[str] | Mapping[str, LightLike] | None,
-             filters: str | Path | Mapping[str, FilterLike] | None) -> LampsAtHand | None:
+def _at_hand(lamps: Sequence[str] | Mapping[str, arguments.LightLike] | None,
+             filters: str | Path | Mapping[str, arguments.FilterLike] | None) -> LampsAtHand | None:
     """Lamps and filters by name; None where neither is given."""
     if lamps is None and filters is None:
         return None
@@ -101,6 +95,6 @@ def _at_hand(lamps: Sequence[str] | Mapping[str, LightLike] | None,
     if isinstance(filters, str | Path):
         passed = filters_at_hand(Path(filters))
     else:
-        passed = {name: as_filter(each) for name, each in (filters or {}).items()}
-    return LampsAtHand({name: spectrum_on_grid(as_spectrum(each), FINE_GRID)
+        passed = {name: arguments.as_filter(each) for name, each in (filters or {}).items()}
+    return LampsAtHand({name: spectrum_on_grid(arguments.as_spectrum(each), FINE_GRID)
                         for name, each in by_name.items()}, passed)

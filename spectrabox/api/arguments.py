@@ -17,26 +17,14 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding, faults
 from spectrabox.radiometry.gloss import SURFACE_WORDS
 from spectrabox.radiometry.grid import FINE_GRID, WavelengthGrid
+from spectrabox.radiometry.interreflection import response_matrix, white_signal
+from spectrabox.radiometry.records import spectra
 from spectrabox.radiometry.records.calibration import Calibration, Filter
-from spectrabox.radiometry.records.spectra import PRODUCTS, Quantity, Spectrum, UnknownLight
-from spectrabox.radiometry.response import response_matrix, white_signal
-from spectrabox.radiometry.spectra.curve_errors import relative_curve_error, stated_curve_error
-from spectrabox.radiometry.spectra.filters import filter_of, read_filter, unknown_filter
+from spectrabox.radiometry.spectra import filters, named_spectra, spectrum_files
+from spectrabox.radiometry.spectra.cameras import relative_curve_error, stated_curve_error
 from spectrabox.radiometry.spectra.given_spectra import Curves, as_samples
 from spectrabox.radiometry.spectra.light_words import UNKNOWN
-from spectrabox.radiometry.spectra.named_spectra import (
-    checked_curves,
-    checked_light,
-    named_curves,
-    sensitivities,
-    stated_light,
-)
-from spectrabox.radiometry.spectra.spectrum_files import (
-    on_grid,
-    refuse_products,
-    spectrum_on_grid,
-)
-from spectrabox.sampling.prior.mixture import LogitMixture, load_prior, of_families
+from spectrabox.sampling.prior import mixture
 
 if TYPE_CHECKING:
     from spectrabox.api.camera import CameraEstimate
@@ -46,12 +34,12 @@ Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 
 
-LightLike = str | Path | Spectrum | UnknownLight | Curves
+LightLike = str | Path | spectra.Spectrum | spectra.UnknownLight | Curves
 FilterLike = str | Path | Filter | Curves
 CameraLike = Union[str, Path, KnownCamera, "CameraEstimate", Calibration, Curves]
 
 
-def as_light(light: LightLike) -> Spectrum | UnknownLight:
+def as_light(light: LightLike) -> spectra.Spectrum | spectra.UnknownLight:
     """A light from a file, a name, (nm, values), or a record.
 
     Parameters
@@ -66,15 +54,16 @@ def as_light(light: LightLike) -> Spectrum | UnknownLight:
     InputError
         If there is neither such a file nor such a name.
     """
-    if isinstance(light, Spectrum):
-        checked_light(light.values, "the light")
-    if isinstance(light, Spectrum | UnknownLight):
+    if isinstance(light, spectra.Spectrum):
+        named_spectra.checked_light(light.values, "the light")
+    if isinstance(light, spectra.Spectrum | spectra.UnknownLight):
         return light
     if isinstance(light, str | Path):
-        return stated_light(str(light), FINE_GRID)
+        return named_spectra.stated_light(str(light), FINE_GRID)
     nm, values = as_samples(light, "light")
-    power = checked_light(on_grid(nm, values, FINE_GRID, "light"), "the light")
-    return Spectrum(FINE_GRID, power, Quantity.RELATIVE, "given")
+    power = named_spectra.checked_light(spectrum_files.on_grid(nm, values, FINE_GRID, "light"),
+                                        "the light")
+    return spectra.Spectrum(FINE_GRID, power, spectra.Quantity.RELATIVE, "given")
 
 
 def as_filter(through: FilterLike) -> Filter:
@@ -88,12 +77,13 @@ def as_filter(through: FilterLike) -> Filter:
     if isinstance(through, Filter):
         return through
     if isinstance(through, str | Path):
-        return unknown_filter() if str(through) == UNKNOWN else read_filter(Path(through))
+        return filters.unknown_filter() if str(through) == UNKNOWN else filters.read_filter(
+            Path(through))
     nm, values = as_samples(through, "filter")
-    return filter_of("given", nm, values)
+    return filters.filter_of("given", nm, values)
 
 
-def as_spectrum(light: LightLike) -> Spectrum:
+def as_spectrum(light: LightLike) -> spectra.Spectrum:
     """A light whose spectrum is stated.
 
     Raises
@@ -102,7 +92,7 @@ def as_spectrum(light: LightLike) -> Spectrum:
         If it is not: "unknown", a temperature or a kind of lamp.
     """
     known = as_light(light)
-    if isinstance(known, UnknownLight):
+    if isinstance(known, spectra.UnknownLight):
         raise InputError(f"the light is stated as {known.words}, and its spectrum is needed here; "
                          "give a file, (nm, values) or a CIE name such as 'D65'")
     return known
@@ -124,19 +114,19 @@ def as_curves(camera: CameraLike, grid: WavelengthGrid = FINE_GRID) -> np.ndarra
         are products with a light that nobody knows.
     """
     if isinstance(camera, str | Path):
-        return sensitivities(str(camera), grid)
+        return named_spectra.sensitivities(str(camera), grid)
     if isinstance(camera, KnownCamera):
-        return on_grid(camera.nm, camera.curves, grid, camera.name)
+        return spectrum_files.on_grid(camera.nm, camera.curves, grid, camera.name)
     if isinstance(camera, tuple) or hasattr(camera, "wavelengths"):
         nm, curves = as_samples(camera, "camera")
-        return checked_curves(on_grid(nm, np.atleast_2d(curves), grid, "camera"), "the camera",
-                              grid)
+        return named_spectra.checked_curves(
+            spectrum_files.on_grid(nm, np.atleast_2d(curves), grid, "camera"), "the camera", grid)
     if not isinstance(camera, Calibration) and not hasattr(camera, "calibration"):
         raise InputError(f"camera: {type(camera).__name__} is no camera; give a name, a file, a "
                          "fitted camera, or wavelengths and curves (nm, curves)")
     require_sensitivities(camera)
     fit = camera.sensitivity if isinstance(camera, Calibration) else camera.fit.sensitivity
-    return on_grid(fit.grid.nm, fit.curves, grid, "camera")
+    return spectrum_files.on_grid(fit.grid.nm, fit.curves, grid, "camera")
 
 
 def band_names(camera: CameraLike, count: int) -> tuple[str, ...]:
@@ -149,7 +139,7 @@ def band_names(camera: CameraLike, count: int) -> tuple[str, ...]:
         K, of its bands.
     """
     if isinstance(camera, str | Path):
-        return named_curves(str(camera))[2]
+        return named_spectra.named_curves(str(camera))[2]
     return tuple(getattr(camera, "bands", ("",) * count))
 
 
@@ -193,23 +183,25 @@ def require_sensitivities(camera: Calibration | CameraEstimate) -> None:
     """
     calibration = camera if isinstance(camera, Calibration) else camera.calibration
     if calibration.products:
-        refuse_products(PRODUCTS, "the camera")
+        spectrum_files.refuse_products(spectra.PRODUCTS, "the camera")
 
 
 def relative_response(camera: CameraLike, light: LightLike) -> np.ndarray:
     """Response (K, 301) of a camera's bands to reflectances under a light; rows sum to 1."""
     matrix = response_matrix(FINE_GRID, as_curves(camera),
-                             spectrum_on_grid(as_spectrum(light), FINE_GRID))
+                             spectrum_files.spectrum_on_grid(as_spectrum(light), FINE_GRID))
     return matrix / white_signal(matrix)[:, None]
 
 
-def as_prior(prior: str | Path | LogitMixture | None, families: Sequence[str] = ()) -> LogitMixture:
+def as_prior(
+    prior: str | Path | mixture.LogitMixture | None, families: Sequence[str] = ()
+) -> mixture.LogitMixture:
     """The shipped prior, one of a file, or a record; of some families where they are stated."""
-    if not isinstance(prior, str | Path | LogitMixture | None):
+    if not isinstance(prior, str | Path | mixture.LogitMixture | None):
         raise InputError(f"prior: {type(prior).__name__} is no prior; give a file")
-    learnt = prior if isinstance(prior, LogitMixture) else load_prior(
+    learnt = prior if isinstance(prior, mixture.LogitMixture) else mixture.load_prior(
         None if prior is None else Path(prior))
-    return of_families(learnt, families)
+    return mixture.of_families(learnt, families)
 
 
 def as_chart(layout: str | Path | Chart | None) -> Chart:
@@ -290,4 +282,3 @@ def families_of(families: str | Sequence[str] | None) -> tuple[str, ...]:
         raise InputError(f"families: {families!r} are no names of families; give one, such as "
                          "'paint', or a list of them")
     return tuple(stated)
-

@@ -8,24 +8,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from spectrabox.api.arguments import (
-    CameraLike,
-    LightLike,
-    as_chart,
-    as_curves,
-    as_light,
-    families_of,
-)
+from spectrabox.api import arguments
 from spectrabox.api.chart_check import ChartCheck
 from spectrabox.api.colour_profile import ColourProfile, MatrixComparison, profile_of
 from spectrabox.api.photo import Photo, open_photo
 from spectrabox.calibrate.chart_calibration import CalibrationOptions
 from spectrabox.calibrate.doubts import LightEvidence
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
-from spectrabox.measure.camera import CameraCapture, CameraFit, chart_in_photo, measure_camera
+from spectrabox.measure import camera, plots
 from spectrabox.measure.captured import LitChart
-from spectrabox.measure.plots import axes_for, curves_html, plot_sensitivities
-from spectrabox.measure.profiles.matrix_comparison import compare_matrices
+from spectrabox.measure.profiles.camera_profile import compare_matrices
 from spectrabox.measure.shoot.options import Repeatability
 from spectrabox.measure.steps import chart_fit
 from spectrabox.radiometry.chart import Chart, excluded_patches
@@ -73,7 +65,7 @@ class CameraEstimate:
     >>> camera.plot()
     """
 
-    fit: CameraFit
+    fit: camera.CameraFit
     bands: tuple[str, ...]
     photo: LinearImage
     layout: Chart
@@ -164,9 +156,10 @@ class CameraEstimate:
         InputError
             If the camera has other than three bands, or a word names no family.
         """
-        return profile_of(self.calibration, families_of(families), self.photo.camera_from_xyz)
+        return profile_of(self.calibration, arguments.families_of(families),
+                          self.photo.camera_from_xyz)
 
-    def matrices(self, measured: CameraLike | None = None) -> MatrixComparison:
+    def matrices(self, measured: arguments.CameraLike | None = None) -> MatrixComparison:
         """Matrices from the camera's signals to colours, by its curves and by the photographed
         chart alone, compared.
 
@@ -185,8 +178,9 @@ class CameraEstimate:
             If the camera has other than three bands, the light of measured curves is not stated, or
             a name is not known.
         """
-        return MatrixComparison(compare_matrices(
-            self.fit.chart, self.fit.photos[0], None if measured is None else as_curves(measured)))
+        return MatrixComparison(
+            compare_matrices(self.fit.chart, self.fit.photos[0],
+                             None if measured is None else arguments.as_curves(measured)))
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """The curves, shaded to two standard errors either side, as in the report.
@@ -200,8 +194,8 @@ class CameraEstimate:
         -------
         matplotlib Axes
         """
-        axes = axes_for(axes, (5.6, 3.4))
-        plot_sensitivities(axes, self.nm, self.curves, self.fit.sensitivity.standard_error,
+        axes = plots.axes_for(axes, (5.6, 3.4))
+        plots.plot_sensitivities(axes, self.nm, self.curves, self.fit.sensitivity.standard_error,
                            self.bands)
         axes.legend(frameon=False, fontsize="small")
         return axes
@@ -233,15 +227,15 @@ class CameraEstimate:
         return f"<CameraEstimate {self.verdict}: {self.says}>"
 
     def _repr_html_(self) -> str:
-        return curves_html(self.nm, self.curves, self.bands,
+        return plots.curves_html(self.nm, self.curves, self.bands,
                            (self.fit.line, *self.checks))
 
 
 @one_blas_thread()
 def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo], *,
-               light: LightLike | list[LightLike], layout: str | Path | Chart | None = None,
-               reference: str | None = None, chart_scene: str | Path | None = None,
-              leave_out: Sequence[int] = (),
+               light: arguments.LightLike | list[arguments.LightLike],
+               layout: str | Path | Chart | None = None, reference: str | None = None,
+               chart_scene: str | Path | None = None, leave_out: Sequence[int] = (),
                method: str = "prior", prior: str | Path | None = None,
                seed: int = 0) -> CameraEstimate:
     """Sensitivities of a camera from photos of a chart and the spectrum of the light.
@@ -293,11 +287,11 @@ def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo], *,
     given = [charts] if isinstance(charts, str | Path | Photo) else list(charts)
     if not given:
         raise InputError("no photo was given; give one photo of a chart or more")
-    lights = [as_light(one) for one in (light if isinstance(light, list) else [light])]
+    lights = [arguments.as_light(one) for one in (light if isinstance(light, list) else [light])]
     if len(lights) not in (1, len(given)):
         raise InputError(f"{len(lights)} lights were given for {len(given)} photos; give one for "
                          "each photo or one for all")
-    chart = as_chart(layout)
+    chart = arguments.as_chart(layout)
     reflectances = reference_reflectances(reference, chart, FINE_GRID)
     excluded = excluded_patches(leave_out, chart, "leave_out")
     irradiance, position_error = None, 0.0
@@ -307,10 +301,10 @@ def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo], *,
         position_error = chart_fit.lamp_error(chart, placed, Repeatability().lamp_position,
                                               SCENE_SEED)
     photos = [one if isinstance(one, Photo) else open_photo(one) for one in given]
-    capture = CameraCapture(
-        tuple(chart_in_photo(photo.image, chart, reflectances) for photo in photos), tuple(lights),
-        (LitChart(chart, reflectances, excluded, stated=reference is not None),), irradiance,
-        position_error)
+    capture = camera.CameraCapture(
+        tuple(camera.chart_in_photo(photo.image, chart, reflectances) for photo in photos),
+        tuple(lights), (LitChart(chart, reflectances, excluded, stated=reference is not None), ),
+        irradiance, position_error)
     learnt = None if prior is None else load_camera_prior(Path(prior))
-    fit = measure_camera(capture, CalibrationOptions(method, learnt), seed)
+    fit = camera.measure_camera(capture, CalibrationOptions(method, learnt), seed)
     return CameraEstimate(fit, fit.bands, photos[0].image, chart)

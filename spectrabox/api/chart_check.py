@@ -5,12 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.calibrate.chart_findings import (
-    DifferenceSummary,
-    at_fault,
-    difference_summary,
-    patch_differences,
-)
+from spectrabox.calibrate import chart_findings
 from spectrabox.measure import texts
 from spectrabox.measure.results.calibration_facts import poor_patches
 from spectrabox.radiometry.records.calibration import HeldOutPatches
@@ -51,14 +46,14 @@ class ChartCheck:
     @property
     def delta_e00(self) -> np.ndarray:
         """CIEDE2000 (I,) between each patch's estimated spectrum and its reference, under D65."""
-        return patch_differences(self.patches)
+        return chart_findings.patch_differences(self.patches)
 
     @property
-    def difference(self) -> DifferenceSummary:
+    def difference(self) -> chart_findings.DifferenceSummary:
         """``mean``, ``median``, ``percentile_90`` and ``largest`` of ``delta_e00``; saturated
         patches do not count.
         """
-        return difference_summary(self.patches)
+        return chart_findings.difference_summary(self.patches)
 
     @property
     def inside(self) -> np.ndarray:
@@ -88,7 +83,7 @@ class ChartCheck:
     @property
     def notes(self) -> tuple[str, ...]:
         """Patches that are not what the others make of them by more than chance."""
-        return tuple(texts.says(one) for one in at_fault(self.patches, self.names))
+        return tuple(texts.says(one) for one in chart_findings.at_fault(self.patches, self.names))
 
     def __repr__(self) -> str:
         rmse, inside, expected = self.means

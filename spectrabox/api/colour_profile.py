@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from spectrabox.measure.plots import plot_matrices
+from spectrabox.measure.profiles.camera_profile import ComparedMatrices
 from spectrabox.measure.profiles.colour_profile import (
     ColourError,
     colour_profile,
     response_of_calibration,
 )
 from spectrabox.measure.profiles.colour_profile import ColourProfile as Profile
-from spectrabox.measure.profiles.matrix_comparison import ComparedMatrices
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.profile_files import FORMS, write_profile
 from spectrabox.radiometry.records.calibration import Calibration

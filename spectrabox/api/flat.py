@@ -7,22 +7,14 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from spectrabox.api.arguments import (
-    FilterLike,
-    LightLike,
-    families_of,
-    folder_for_pictures,
-    sampling_of,
-    surfaces_of,
-)
+from spectrabox.api import arguments, shoot_arguments
 from spectrabox.api.array_arguments import require_mapping
 from spectrabox.api.chart_check import ChartCheck
 from spectrabox.api.colour_profile import ColourProfile, profile_of
 from spectrabox.api.estimates import MeasuredSpectra
 from spectrabox.api.photo import Photo
 from spectrabox.api.progress import ProgressLike, progress_steps
-from spectrabox.api.shoot_arguments import SAMPLING, SESSION, Arguments
-from spectrabox.capture.photo.orientation import photo_orientation
+from spectrabox.capture.photo.preview import photo_orientation
 from spectrabox.measure.captured import FIRST_PHOTO, FlatCapture
 from spectrabox.measure.records import CaptureRecords, PictureRecords
 from spectrabox.measure.results.flat_result import flat_result
@@ -92,23 +84,24 @@ class FlatSpectra(MeasuredSpectra):
         InputError
             If the camera has other than three bands, or a word names no family.
         """
-        return profile_of(self.calibration, families_of(families), self.found.photo.camera_from_xyz)
+        return profile_of(self.calibration, arguments.families_of(families),
+                          self.found.photo.camera_from_xyz)
 
 
 @one_blas_thread()
 def flat(photo: str | Path | Photo, regions: Mapping[str, OutlineLike], *,
-         light: LightLike = "unknown",
+         light: arguments.LightLike = "unknown",
          families: Mapping[str, str | Sequence[str]] | None = None,
          known: Mapping[str, KnownSpectrum] | None = None,
          surface: str | Mapping[str, str] | None = None,
          truth: Mapping[str, KnownSpectrum] | None = None,
-         filtered: Mapping[str | Path, FilterLike] | None = None,
-         also: Mapping[str | Path, LightLike] | None = None,
+         filtered: Mapping[str | Path, arguments.FilterLike] | None = None,
+         also: Mapping[str | Path, arguments.LightLike] | None = None,
          chart_photo: str | Path | Photo | None = None, layout: str | Path | Chart | None = None,
          reference: str | None = None, corners: ArrayLike | None = None,
          camera_prior: str | Path | None = None, flat_field: str | Path | None = None,
-         picture: str | Path | None = None, draws: int = SAMPLING.draws,
-         level: float = SAMPLING.level, seed: int = SESSION.seed,
+         picture: str | Path | None = None, draws: int = shoot_arguments.SAMPLING.draws,
+         level: float = shoot_arguments.SAMPLING.level, seed: int = shoot_arguments.SESSION.seed,
          progress: ProgressLike = None) -> FlatSpectra:
     """Spectra of regions of a flat sample: a painting, a print, a leaf.
 
@@ -195,8 +188,8 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, OutlineLike], *,
     for name in (*(families or {}), *(known or {}), *(truth or {})):
         if name not in regions:
             raise InputError(f"there is no region {name!r}; there are {', '.join(regions)}")
-    surfaces = surfaces_of(surface, regions, "region")
-    stated = Arguments()
+    surfaces = arguments.surfaces_of(surface, regions, "region")
+    stated = shoot_arguments.Arguments()
     capture = stated.capture({
         "session": {"name": "", "seed": seed},
         "photos": {"object": stated.photo(photo), "chart": stated.photo(chart_photo),
@@ -210,12 +203,13 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, OutlineLike], *,
             for name, outline in regions.items()},
         "chart": stated.chart(layout, reference, corners),
         "sensitivity": stated.camera_prior(camera_prior),
-        "sampling": sampling_of(draws=draws, level=level),
+        "sampling": arguments.sampling_of(draws=draws, level=level),
         "picture": None if picture is None else {}})
     assert isinstance(capture, FlatCapture)
     with progress_steps(progress, "flat") as show:
-        keeper = MemoryKeeper(lambda step, share, message: show(_share(step, share), message),
-                              pictures=None if picture is None else folder_for_pictures(picture))
+        keeper = MemoryKeeper(
+            lambda step, share, message: show(_share(step, share), message),
+            pictures=None if picture is None else arguments.folder_for_pictures(picture))
         return FlatSpectra(capture, measure(capture, keeper),
                            "" if picture is None else Path(picture).as_posix())
 
@@ -227,8 +221,8 @@ def _share(step: str, share: float) -> float:
     return BEGIN[step] + share * (after - BEGIN[step])
 
 
-def _views(stated: Arguments, filtered: Mapping[str | Path, FilterLike],
-           also: Mapping[str | Path, LightLike]) -> dict[str, dict[str, Any]]:
+def _views(stated: shoot_arguments.Arguments, filtered: Mapping[str | Path, arguments.FilterLike],
+           also: Mapping[str | Path, arguments.LightLike]) -> dict[str, dict[str, Any]]:
     """Photos through filters, and those under the same or other lamps."""
     views: dict[str, dict[str, Any]] = {}
     for file, through in filtered.items():

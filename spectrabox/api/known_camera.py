@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from spectrabox.measure.plots import axes_for, curves_html, plot_sensitivities
+from spectrabox.measure import plots
 from spectrabox.radiometry.files import in_folder, write_text_whole
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.named_spectra import named_curves
@@ -60,8 +60,8 @@ class KnownCamera:
         -------
         matplotlib Axes
         """
-        axes = axes_for(axes, (5.6, 3.4))
-        plot_sensitivities(axes, self.nm, self.curves, None, self.bands)
+        axes = plots.axes_for(axes, (5.6, 3.4))
+        plots.plot_sensitivities(axes, self.nm, self.curves, None, self.bands)
         axes.set_title(self.name)
         axes.legend(frameon=False, fontsize="small")
         return axes
@@ -97,7 +97,7 @@ class KnownCamera:
                 f"{peaks} nm>")
 
     def _repr_html_(self) -> str:
-        return curves_html(self.nm, self.curves, self.bands, (repr(self)[1:-1],))
+        return plots.curves_html(self.nm, self.curves, self.bands, (repr(self)[1:-1],))
 
 
 def camera(name: str) -> KnownCamera:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from spectrabox.capture.meter import measurement
 from spectrabox.capture.meter.instruments.instrument_errors import NoReplyError
 from spectrabox.capture.meter.instruments.interface import Instrument, MeterSettings
-from spectrabox.capture.meter.measurement import open_instrument, take_reading, trusted_identity
 from spectrabox.capture.meter.measurement_series import series_of, series_spectrum
 from spectrabox.measure import texts
 from spectrabox.measure.plots import axes_for
@@ -174,9 +174,9 @@ def measure_spectrum(port: str, instrument: str, *, readings: int = 1,
     >>> vase.lab, vase.flags
     >>> sb.flat("vase.dng", {"vase": (986, 462, 1073, 537)}, truth={"vase": vase.spectrum})
     """
-    with open_instrument(instrument, port, lambda direction, passed: None) as meter:
+    with measurement.open_instrument(instrument, port, lambda direction, passed: None) as meter:
         _require_known(meter, calibrate, button)
-        identity = trusted_identity(meter)
+        identity = measurement.trusted_identity(meter)
         meter.settings(MeterSettings(integration_ms, averages, sync_hz))
         if calibrate:
             for which, advice in meter.calibrations.items():
@@ -188,7 +188,7 @@ def measure_spectrum(port: str, instrument: str, *, readings: int = 1,
         taken = []
         for number in range(readings):
             meter.by_button = button and number == 0
-            taken.append(take_reading(meter, identity))
+            taken.append(measurement.take_reading(meter, identity))
     series = series_of(taken, "the spectrum")
     last = taken[-1]
     stated = "" if last.calibration is None else f", calibration: {last.calibration}"

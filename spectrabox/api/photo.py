@@ -12,25 +12,17 @@ from numpy.typing import ArrayLike
 from spectrabox.api.arguments import as_chart, as_corners
 from spectrabox.capture.chart.quality import ChartVerdict
 from spectrabox.capture.develop.developed import develop_photos
+from spectrabox.capture.photo import preview
 from spectrabox.capture.photo.image_files import image_of_array
-from spectrabox.capture.photo.orientation import AS_READ, photo_orientation, turned
-from spectrabox.capture.photo.preview import signal_rgb8
-from spectrabox.measure import texts
+from spectrabox.measure import chart_patches, texts
 from spectrabox.measure.camera import judged_chart
 from spectrabox.measure.captured import InputFile
-from spectrabox.measure.chart_edition import ChartEdition, edition_in_photo
-from spectrabox.measure.chart_patches import (
-    angle_deg,
-    centres_px,
-    patch_columns,
-    table_of_columns,
-)
 from spectrabox.measure.plots import axes_for
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import in_folder, write_text_whole
 from spectrabox.radiometry.findings import Finding
-from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PatchSamples
+from spectrabox.radiometry.records import photos
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,9 +54,9 @@ class Photo:
     >>> photo.plot()
     """
 
-    image: LinearImage
+    image: photos.LinearImage
     findings: tuple[Finding, ...] = ()
-    orientation: int = AS_READ
+    orientation: int = preview.AS_READ
 
     @property
     def signal(self) -> np.ndarray:
@@ -105,7 +97,7 @@ class Photo:
         axes = axes_for(axes)
         width, height = self.size_px
         step = -(-max(self.image.signal.shape[:2]) // PREVIEW_PX)
-        axes.imshow(signal_rgb8(self.image.signal, step),
+        axes.imshow(preview.signal_rgb8(self.image.signal, step),
                     extent=(-0.5, width - 0.5, height - 0.5, -0.5))
         axes.set(xlabel="pixel", ylabel="pixel")
         return axes
@@ -164,12 +156,12 @@ def open_photo(photo: str | Path | list[str | Path] | np.ndarray, *,
         if dark or flat is not None:
             raise InputError("an array is taken as it is; subtract dark frames and divide by the "
                              "flat field before, or give files")
-        turn = AS_READ if orientation is None else orientation
-        return Photo(turned(image_of_array(photo), turn), (), turn)
+        turn = preview.AS_READ if orientation is None else orientation
+        return Photo(preview.turned(image_of_array(photo), turn), (), turn)
     paths = [Path(one) for one in (photo if isinstance(photo, list) else [photo])]
     if not paths:
         raise InputError("no photo was given; give one, or several exposures of a bracket")
-    turn = photo_orientation(paths[0]) if orientation is None else orientation
+    turn = preview.photo_orientation(paths[0]) if orientation is None else orientation
     image, findings = develop_photos(paths, [Path(one) for one in dark or []],
                                      None if flat is None else Path(flat), not_linear,
                                      orientation=turn)
@@ -216,7 +208,7 @@ class ChartInPhoto:
 
     photo: Photo
     layout: Chart
-    detection: ChartDetection
+    detection: photos.ChartDetection
     quality: ChartVerdict
 
     @property
@@ -249,12 +241,12 @@ class ChartInPhoto:
     @property
     def centres(self) -> np.ndarray:
         """Centres (I, 2) of the patches."""
-        return centres_px(self.detection)
+        return chart_patches.centres_px(self.detection)
 
     @property
     def angle_deg(self) -> float:
         """How far the chart is turned clockwise in the photo, -180 to 180; 0 as printed."""
-        return angle_deg(self.detection, self.layout)
+        return chart_patches.angle_deg(self.detection, self.layout)
 
     @property
     def mean(self) -> np.ndarray:
@@ -281,15 +273,15 @@ class ChartInPhoto:
         return self.samples.clipped
 
     @cached_property
-    def edition(self) -> ChartEdition:
+    def edition(self) -> chart_patches.ChartEdition:
         """Whether a ColorChecker was made before or since November 2014: ``edition``, or None where
         the photo does not tell, ``evidence`` in nats and ``says``, a sentence. Takes about a
         second.
         """
-        return edition_in_photo(self.photo.image, self.layout, self.samples)
+        return chart_patches.edition_in_photo(self.photo.image, self.layout, self.samples)
 
     @property
-    def samples(self) -> PatchSamples:
+    def samples(self) -> photos.PatchSamples:
         """Mean signals (I, K) of the patches, with their covariance, and the number of pixels."""
         return self.quality.samples
 
@@ -301,7 +293,8 @@ class ChartInPhoto:
         dict
             From names to arrays (I,).
         """
-        return patch_columns(self.layout, self.detection, self.samples, self.quality.excluded)
+        return chart_patches.patch_columns(self.layout, self.detection, self.samples,
+                                           self.quality.excluded)
 
     def to_csv(self, path: str | Path) -> Path:
         """Write a row for each patch, as ``spectrabox chart --out``; ``camera fit --patches`` reads
@@ -321,7 +314,7 @@ class ChartInPhoto:
         EnvironmentProblem
             If the file cannot be written; an older one is left as it was.
         """
-        write_text_whole(in_folder(path), table_of_columns(self.columns()))
+        write_text_whole(in_folder(path), chart_patches.table_of_columns(self.columns()))
         return Path(path)
 
     def plot(self, axes: Axes | None = None) -> Axes:

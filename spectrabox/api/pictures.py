@@ -7,13 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spectrabox.api.arguments import (
-    CameraLike,
-    LightLike,
-    as_prior,
-    families_of,
-    relative_response,
-)
+from spectrabox.api import arguments
 from spectrabox.api.array_arguments import as_number, as_numbers
 from spectrabox.api.photo import Photo, open_photo
 from spectrabox.api.progress import ProgressLike, progress_steps
@@ -29,8 +23,8 @@ from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 
 
 @one_blas_thread()
-def uplift(image: ArrayLike | Photo | str | Path, *, camera: CameraLike | None = None,
-           light: LightLike | None = None, encoded: bool = False, noise: float = 0.01,
+def uplift(image: ArrayLike | Photo | str | Path, *, camera: arguments.CameraLike | None = None,
+           light: arguments.LightLike | None = None, encoded: bool = False, noise: float = 0.01,
            white: ArrayLike | None = None,
            families: str | list[str] | None = None, prior: str | Path | LogitMixture | None = None,
            progress: ProgressLike = None) -> tuple[np.ndarray, np.ndarray]:
@@ -101,7 +95,7 @@ def uplift(image: ArrayLike | Photo | str | Path, *, camera: CameraLike | None =
                          "with one pixel or more")
     if not np.all(np.isfinite(pixels)):
         raise InputError("the image holds numbers that are not finite; put 0 in place of them")
-    fine_response = relative_response(camera, light)
+    fine_response = arguments.relative_response(camera, light)
     response = fine_response @ interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm)
     require_bands(pixels.shape[2], response)
     if isinstance(image, Photo):
@@ -114,7 +108,8 @@ def uplift(image: ArrayLike | Photo | str | Path, *, camera: CameraLike | None =
                 if chart.doubt:
                     warnings.warn(chart.doubt, stacklevel=3)
     with progress_steps(progress, "uplift") as step:
-        return uplift_image(pixels, response, as_prior(prior, families_of(families)),
+        return uplift_image(pixels, response,
+                            arguments.as_prior(prior, arguments.families_of(families)),
                             as_number(noise, "noise"),
                             white=None if white is None else as_numbers(white, "white"),
                             progress=lambda share: step(share, "tables"))

@@ -8,24 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from spectrabox.api.arguments import (
-    CameraLike,
-    LightLike,
-    as_curves,
-    as_spectrum,
-    folder_for_pictures,
-    require_sensitivities,
-    sampling_of,
-    surfaces_of,
-)
+from spectrabox.api import arguments, shoot_arguments
 from spectrabox.api.camera import CameraEstimate
 from spectrabox.api.estimates import MeasuredSpectra
 from spectrabox.api.photo import Photo, open_photo
 from spectrabox.api.progress import ProgressLike, progress_steps
-from spectrabox.api.shoot_arguments import INVERSION, SAMPLING, SESSION, Arguments
 from spectrabox.calibrate.chart_calibration import calibration_from_curves
 from spectrabox.calibrate.trust import certain_glare
-from spectrabox.capture.photo.orientation import AS_READ
+from spectrabox.capture.photo.preview import AS_READ
 from spectrabox.measure import texts
 from spectrabox.measure.captured import (
     SceneCapture,
@@ -33,11 +23,11 @@ from spectrabox.measure.captured import (
 from spectrabox.measure.plots import axes_for
 from spectrabox.measure.records import CalibrationRecords, CaptureRecords, ChartFit, KeptRecord
 from spectrabox.measure.results.scene_result import bsdf_reflectances, scene_result
-from spectrabox.measure.scene.rehearsed import Rehearsed
+from spectrabox.measure.scene.rehearsal import Rehearsed
 from spectrabox.measure.shoot.options import Repeatability
-from spectrabox.measure.steps.measurement import InMemory, MemoryKeeper, measure
+from spectrabox.measure.steps import measurement
+from spectrabox.radiometry import error_model
 from spectrabox.radiometry.chart import Chart
-from spectrabox.radiometry.error_model import REPEATABILITY, SCENE_LEVEL, with_common_error
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.grid import FINE_GRID
@@ -152,17 +142,18 @@ class SceneSpectra(MeasuredSpectra):
 
 
 @one_blas_thread()
-def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, light: LightLike,
+def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, light: arguments.LightLike,
                       materials: Sequence[str] | Mapping[str, KnownSpectrum | None],
-                      camera: CameraLike | None = None,
-                      chart_photo: str | Path | Photo | None = None,
-                      chart_scene: str | Path | None = None,
+                      camera: arguments.CameraLike | None = None, chart_photo: str | Path | Photo
+                      | None = None, chart_scene: str | Path | None = None,
                       layout: str | Path | Chart | None = None, reference: str | None = None,
                       flat_field: str | Path | None = None,
                       families: Mapping[str, str | Sequence[str]] | None = None,
                       surface: str | Mapping[str, str] | None = None,
-                      picture: str | Path | None = None, width: int = INVERSION.width,
-                      draws: int = SAMPLING.draws, seed: int = SESSION.seed, device: str = "auto",
+                      picture: str | Path | None = None,
+                      width: int = shoot_arguments.INVERSION.width,
+                      draws: int = shoot_arguments.SAMPLING.draws,
+                      seed: int = shoot_arguments.SESSION.seed, device: str = "auto",
                       progress: ProgressLike = None) -> SceneSpectra:
     """Spectra of the materials of a scene from one photo, by inverse rendering in Mitsuba 3.
 
@@ -234,12 +225,12 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, light: Li
     ...     materials={"white": None, "green": None, "red": None, "cube": None,
     ...                "card": "mybox/spectra/card.csv"}, width=48)
     """
-    spectrum = as_spectrum(light)
+    spectrum = arguments.as_spectrum(light)
     known = dict(materials) if isinstance(materials, Mapping) else dict.fromkeys(materials)
     for name in families or {}:
         if name not in known:
             raise InputError(f"there is no material {name!r}; there are {', '.join(known)}")
-    surfaces = surfaces_of(surface, known, "material")
+    surfaces = arguments.surfaces_of(surface, known, "material")
     opened = photo if isinstance(photo, Photo) else open_photo(photo, orientation=AS_READ,
                                                                flat=flat_field)
     if (camera is None) == (chart_photo is None):
@@ -248,8 +239,9 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, light: Li
     scale = None
     if camera is not None:
         calibration, fit, scale = _calibration(camera, spectrum, opened, Repeatability())
-        kept["calibrate"] = InMemory(CalibrationRecords({"": calibration}, {}, fit, {}, ()))
-    stated = Arguments()
+        kept["calibrate"] = measurement.InMemory(
+            CalibrationRecords({"": calibration}, {}, fit, {}, ()))
+    stated = shoot_arguments.Arguments()
     capture = stated.capture({
         "session": {"name": "", "seed": seed},
         "photos": {"object": stated.photo(opened), "chart": stated.photo(chart_photo),
@@ -260,39 +252,39 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, light: Li
         "scene": {"file": str(scene)},
         "materials": {name: {"bsdf": name} | stated.surface(name, families, surfaces, known, {})
                       for name in known},
-        "reconstruct": {"width": width}, "sampling": sampling_of(draws=draws),
+        "reconstruct": {"width": width}, "sampling": arguments.sampling_of(draws=draws),
         "picture": None if picture is None else {}})
     assert isinstance(capture, SceneCapture)
     if scale is not None:
         capture = replace(capture, views=(replace(capture.views[0], scale=scale),))
     with progress_steps(progress, "scene") as show:
-        keeper = MemoryKeeper(
+        keeper = measurement.MemoryKeeper(
             lambda step, share, message: show(share, message),
             kept,
-            None if picture is None else folder_for_pictures(picture))
-        return SceneSpectra(capture, measure(capture, keeper, device=device),
+            None if picture is None else arguments.folder_for_pictures(picture))
+        return SceneSpectra(capture, measurement.measure(capture, keeper, device=device),
                             picture_folder="" if picture is None else Path(picture).as_posix())
 
 
-def _calibration(camera: CameraLike, light: Spectrum, photo: Photo, errors: Repeatability
+def _calibration(camera: arguments.CameraLike, light: Spectrum, photo: Photo, errors: Repeatability
                  ) -> tuple[Calibration, ChartFit | None, LightScale | None]:
     """The calibration that a camera brings along, how it explains its chart, and the strength of
     the light on the scene, as far as either is known.
     """
     if isinstance(camera, Calibration | CameraEstimate):
-        require_sensitivities(camera)
+        arguments.require_sensitivities(camera)
     if isinstance(camera, Calibration):
         return replace(camera, light=light), None, camera.light_scale
     if not isinstance(camera, CameraEstimate):
-        curves = as_curves(camera)
+        curves = arguments.as_curves(camera)
         return calibration_from_curves(FINE_GRID, curves, light, CURVES_ERROR), None, None
     calibration = replace(camera.calibration, light=light)
     scale, made = calibration.light_scale, camera.fit.chart
     if scale is not None:
         scale = scale_for_photo(scale, camera.photo, photo.image)
-        for cause, error in ((REPEATABILITY, errors.relative_error),
-                             (SCENE_LEVEL, errors.scene_level)):
-            scale = with_common_error(scale, cause, error)
+        for cause, error in ((error_model.REPEATABILITY, errors.relative_error),
+                             (error_model.SCENE_LEVEL, errors.scene_level)):
+            scale = error_model.with_common_error(scale, cause, error)
     fit = ChartFit(made.predicted, np.full(len(made.predicted), np.nan),
                    certain_glare(made.prior_fit, camera.photo), None, made.prior_influence,
                    camera.fit.held_out)

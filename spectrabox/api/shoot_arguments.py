@@ -8,15 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spectrabox.api.arguments import (
-    FilterLike,
-    LightLike,
-    as_chart,
-    as_corners,
-    as_filter,
-    as_light,
-    families_of,
-)
+from spectrabox.api import arguments
 from spectrabox.api.photo import Photo, as_input_file
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.measure.captured import FlatCapture, SceneCapture
@@ -70,9 +62,9 @@ class Arguments:
         file = as_input_file(photo)
         return file.name if self._given.get(file.name) == file else self._named(file.name, file)
 
-    def light(self, light: LightLike) -> Table:
+    def light(self, light: arguments.LightLike) -> Table:
         """A light. Two that are named alike by a word or file are one."""
-        record = as_light(light)
+        record = arguments.as_light(light)
         if isinstance(light, str | Path):
             words = str(light)
             if isinstance(record, UnknownLight):
@@ -83,16 +75,16 @@ class Arguments:
             return {"cct": record.cct} if record.cct else {"word": record.kind or UNKNOWN}
         return {"file": self._named(record.source, record)}
 
-    def filter(self, through: FilterLike, photo: str | Path) -> Table:
+    def filter(self, through: arguments.FilterLike, photo: str | Path) -> Table:
         """A filter before the lens or the lamp of a photo."""
         words = through.name if isinstance(through, Filter) else \
             str(through) if isinstance(through, str | Path) else "given"
-        return {"file": self._named(f"{words}, {photo}", as_filter(through))}
+        return {"file": self._named(f"{words}, {photo}", arguments.as_filter(through))}
 
     def chart(self, layout: str | Path | Chart | None, reference: str | None,
               corners: ArrayLike | None = None) -> Table:
         """The chart and where it lies."""
-        record, points = as_chart(layout), as_corners(corners)
+        record, points = arguments.as_chart(layout), arguments.as_corners(corners)
         return {"layout": self._named(record.name, record), "reference": reference,
                 "corners_px": None if points is None else points.tolist()}
 
@@ -105,7 +97,7 @@ class Arguments:
                 surfaces: Mapping[str, str], known: Mapping[str, KnownSpectrum | None],
                 truth: Mapping[str, KnownSpectrum]) -> Table:
         """What is stated of a surface, each argument by its name."""
-        return {"family": list(families_of((families or {}).get(name))) or None,
+        return {"family": list(arguments.families_of((families or {}).get(name))) or None,
                 "surface": surfaces.get(name),
                 "known": self._reflectance(known.get(name), name),
                 "truth": self._reflectance(truth.get(name), name)}

@@ -9,26 +9,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spectrabox.api.arguments import (
-    CameraLike,
-    LightLike,
-    as_prior,
-    curve_error,
-    families_of,
-    relative_response,
-)
+from spectrabox.api import arguments
 from spectrabox.api.array_arguments import as_number, as_numbers
 from spectrabox.api.estimates import SpectrumEstimates
 from spectrabox.measure.advice.advise import advice_on_estimate
 from spectrabox.measure.estimate import Estimate
-from spectrabox.measure.signals.matching import SpectralLibrary, SurfaceMatch, match_signal
+from spectrabox.measure.signals import matching, signal_capture
 from spectrabox.measure.signals.options import SampleOptions
 from spectrabox.measure.signals.sample import sample_signals
-from spectrabox.measure.signals.signal_capture import (
-    SignalCapture,
-    curve_caveats,
-    origin_of_colours,
-)
 from spectrabox.radiometry.appearance import signal_of_colour
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.spectra.given_spectra import KnownSpectrum, as_reflectance
@@ -40,8 +28,8 @@ OBSERVER = "CIE 1931 2 Degree Standard Observer"
 
 
 @one_blas_thread()
-def sample(signals: ArrayLike | None = None, *, camera: CameraLike | None = None,
-           light: LightLike | None = None, lab: ArrayLike | None = None,
+def sample(signals: ArrayLike | None = None, *, camera: arguments.CameraLike | None = None,
+           light: arguments.LightLike | None = None, lab: ArrayLike | None = None,
            xyz: ArrayLike | None = None, noise: ArrayLike | None = None,
            white: ArrayLike | None = None, light_error: float = 0.0,
            sensitivity_error: float = 0.0, families: str | Sequence[str] | None = None,
@@ -114,11 +102,12 @@ def sample(signals: ArrayLike | None = None, *, camera: CameraLike | None = None
         if white is not None:
             raise InputError("a colour is relative to white by what it is; leave white out")
         white = np.ones(3)
-    origin = None if xyz is None else origin_of_colours("xyz", as_numbers(xyz, "xyz"))
+    origin = None if xyz is None else signal_capture.origin_of_colours(
+        "xyz", as_numbers(xyz, "xyz"))
     if signals is None or camera is None or light is None:
         raise InputError("signals need the camera that saw them and their light (camera=, light=); "
                          "a colour is given as lab= or xyz=")
-    response = relative_response(camera, light)
+    response = arguments.relative_response(camera, light)
     given = as_numbers(signals, "signals")
     bands = len(response)
     rows = np.atleast_2d(given)
@@ -140,13 +129,15 @@ def sample(signals: ArrayLike | None = None, *, camera: CameraLike | None = None
     if len(labels) != len(rows) or len(set(labels)) != len(labels):
         raise InputError(f"{len(labels)} names were given for {len(rows)} signals; give one name "
                          "of its own for each")
-    learnt, (fit_error, doubts) = as_prior(prior, families_of(families)), curve_error(camera)
-    capture = SignalCapture(
+    learnt, (fit_error, doubts) = arguments.as_prior(
+        prior, arguments.families_of(families)), arguments.curve_error(camera)
+    capture = signal_capture.SignalCapture(
         response, rows, tuple(labels), whites,
         None if errors is None else np.broadcast_to(errors, bands).copy(),
-        as_number(light_error, "light_error"), as_number(sensitivity_error, "sensitivity_error"),
-        learnt,
-        origin=origin, camera_caveats=curve_caveats(fit_error, sensitivity_error, doubts))
+        as_number(light_error, "light_error"), as_number(sensitivity_error,
+                                                         "sensitivity_error"), learnt,
+        origin=origin, camera_caveats=signal_capture.curve_caveats(fit_error, sensitivity_error,
+                                                                   doubts))
     each = sample_signals(capture, SampleOptions(method, draws, seed, coefficients,
                                                  as_number(level, "level")),
                           with_draws=given.ndim == 1)
@@ -157,10 +148,10 @@ def sample(signals: ArrayLike | None = None, *, camera: CameraLike | None = None
 @one_blas_thread()
 def match(signal: Estimate | ArrayLike,
           library: str | Path | Sequence[str | Path] | Mapping[str, KnownSpectrum | ArrayLike], *,
-          camera: CameraLike | None = None, light: LightLike | None = None,
+          camera: arguments.CameraLike | None = None, light: arguments.LightLike | None = None,
           noise: ArrayLike | None = None, nm: ArrayLike | None = None, variation: float = VARIATION,
           evidence_ratio: float | None = None,
-          prior: str | Path | LogitMixture | None = None) -> SurfaceMatch:
+          prior: str | Path | LogitMixture | None = None) -> matching.SurfaceMatch:
     """Which measured spectra could have given a signal, or that none could.
 
     Parameters
@@ -228,18 +219,19 @@ def match(signal: Estimate | ArrayLike,
         spectra = np.array([as_reflectance(
             (nm, one) if isinstance(one, np.ndarray | list) else one, name)  # type: ignore[arg-type]
             for name, one in library.items()])
-        known = SpectralLibrary(tuple(library), ("given",) * len(library), spectra,
+        known = matching.SpectralLibrary(tuple(library), ("given",) * len(library), spectra,
                                 np.zeros_like(spectra), ())
     else:
         words = [library] if isinstance(library, str | Path) else list(library)
         known = read_spectral_libraries([str(word) for word in words], signal.measurement.grid)
-    found = match_signal(signal.name, signal.measurement, known, as_prior(prior),
+    found = matching.match_signal(signal.name, signal.measurement, known, arguments.as_prior(prior),
                          variation=variation, evidence_ratio=evidence_ratio)
     return replace(found, says="\n".join([found.says, *signal.caveats]))
 
 
-def _of_colour(signals: ArrayLike | None, camera: CameraLike | None, light: LightLike | None,
-               lab: ArrayLike | None, xyz: ArrayLike | None) -> tuple[np.ndarray, str, str]:
+def _of_colour(signals: ArrayLike | None, camera: arguments.CameraLike | None,
+               light: arguments.LightLike | None, lab: ArrayLike | None,
+               xyz: ArrayLike | None) -> tuple[np.ndarray, str, str]:
     """Signals of a colour relative to white, and the observer and the light that they are of."""
     if signals is not None or camera is not None:
         raise InputError("a colour is what the CIE observer sees; leave signals and camera out")

@@ -9,15 +9,8 @@ import re
 
 import numpy as np
 
+from spectrabox.capture.meter.instruments import interface
 from spectrabox.capture.meter.instruments.instrument_errors import LineFaultError
-from spectrabox.capture.meter.instruments.interface import (
-    RESTORE_S,
-    HeldResult,
-    Identity,
-    Instrument,
-    Measured,
-    MeterSettings,
-)
 from spectrabox.capture.meter.serial_line import LineSettings
 from spectrabox.capture.meter.stated import mean_wavelength, printed, stated_by_xyz
 from spectrabox.radiometry.findings import Finding, Severity
@@ -54,7 +47,7 @@ OUTCOMES = {-300: ReadingOutcome.NO_SYNC, -301: ReadingOutcome.NO_SYNC,
             -306: ReadingOutcome.TOO_BRIGHT}
 
 
-class Cr250(Instrument):
+class Cr250(interface.Instrument):
     """Colorimetry Research CR-250 or CR-300."""
 
     name = "cr250"
@@ -62,15 +55,15 @@ class Cr250(Instrument):
     line_settings = LineSettings(115200)
     errors = ERRORS
 
-    def _identity(self) -> Identity:
+    def _identity(self) -> interface.Identity:
         model = self._ask("RC Model")
         if not model.startswith("CR-"):
             raise self.wrong(model)
         if self._ask("RC InstrumentType") != SPECTRORADIOMETER:
             raise self.wrong(f"{model}, which is no spectroradiometer")
-        return Identity(model, self._ask("RC ID"), self._ask("RC Firmware"))
+        return interface.Identity(model, self._ask("RC ID"), self._ask("RC Firmware"))
 
-    def settings(self, wanted: MeterSettings) -> None:
+    def settings(self, wanted: interface.MeterSettings) -> None:
         if wanted.integration_ms is not None:
             self._set("ExposureMode", "1")
             self._set("Exposure", f"{wanted.integration_ms:g}")
@@ -81,7 +74,7 @@ class Cr250(Instrument):
             self._set("SyncMode", "2")
             self._set("SyncFreq", f"{wanted.sync_hz:g}")
 
-    def measure(self) -> Measured:
+    def measure(self) -> interface.Measured:
         limit_s = MEASURE_S * self.averages + 10
         self.line.pace.sleep(BETWEEN_S)
         with self.measuring(limit_s):
@@ -89,16 +82,17 @@ class Cr250(Instrument):
         code, _ = self._answer("M", limit_s)
         self.measured()
         if code in OUTCOMES:
-            return Measured(OUTCOMES[code])
+            return interface.Measured(OUTCOMES[code])
         if code < 0:
             raise self.refused("M", code)
         low = code in (100, 102)
         warnings = (Finding("meter.warning", Severity.NOTE, values={
             "number": code, "meaning": WARNINGS.get(code, "not in the protocol notes")}),
                     ) if code else ()
-        return Measured(ReadingOutcome.LOW_LIGHT if low else ReadingOutcome.MEASURED, warnings)
+        return interface.Measured(ReadingOutcome.LOW_LIGHT if low else ReadingOutcome.MEASURED,
+                                  warnings)
 
-    def read(self) -> HeldResult:
+    def read(self) -> interface.HeldResult:
         header = self._ask("RM Spectrum")
         first, last, step, points = self.numbers(",".join(header.split(",")[:4]), 4)
         nm = self.grid(points, first, last, step)
@@ -113,7 +107,7 @@ class Cr250(Instrument):
         self.numbers(xyz, 3)
         power, photons = (printed(cell) for cell in radiometric.split(",")[1:3])
         stated = stated_by_xyz(xyz.split(","), power, mean_wavelength(power, photons))
-        return HeldResult(nm, values, quantity, stated, milliseconds,
+        return interface.HeldResult(nm, values, quantity, stated, milliseconds,
                           (header, *rows, xyz, radiometric, exposure))
 
     def obeyed(self, command: bytes) -> bool:
@@ -121,7 +115,7 @@ class Cr250(Instrument):
             return super().obeyed(command)
         self.line.pace.sleep(BETWEEN_S)
         self.line.send(command)
-        return self._answer(command.decode().rstrip(), RESTORE_S)[0] >= 0
+        return self._answer(command.decode().rstrip(), interface.RESTORE_S)[0] >= 0
 
     def _enter(self) -> None:
         self.entered = True

@@ -15,23 +15,12 @@ from types import MappingProxyType
 
 import numpy as np
 
-from spectrabox.capture.meter.instruments.instrument_errors import (
-    LineFaultError,
-    RefusedError,
-    UntrustedReadingError,
-)
-from spectrabox.capture.meter.instruments.interface import (
-    HeldResult,
-    Identity,
-    Instrument,
-    Measured,
-    MeterSettings,
-)
+from spectrabox.capture.meter.instruments import instrument_errors, interface
 from spectrabox.capture.meter.serial_line import LineSettings, shown
 from spectrabox.capture.meter.stated import Stated
 from spectrabox.radiometry.appearance import lab_from_xyz
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.published.published_tables import LIGHTS, OBSERVERS, published_curves
+from spectrabox.radiometry.published import published_tables
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
 
@@ -58,7 +47,7 @@ POSSIBLE = (-0.05, 2.0)                 # reflectance; fluorescent paper reaches
 DISPLAY_WHITE = np.array([94.81, 100.0, 107.32])
 
 
-class Cr30(Instrument):
+class Cr30(interface.Instrument):
     """CR30 hand spectrophotometer."""
 
     name = "cr30"
@@ -70,22 +59,23 @@ class Cr30(Instrument):
     calibrations = MappingProxyType({which: advice for which, (_, advice) in CALIBRATIONS.items()})
     has_button = True
 
-    def settings(self, wanted: MeterSettings) -> None:
-        if wanted != MeterSettings():
+    def settings(self, wanted: interface.MeterSettings) -> None:
+        if wanted != interface.MeterSettings():
             raise InputError("a CR30 has no exposure, averages or sync to set: leave out "
                              "--integration-ms, --averages and --sync-hz, and use --repeat")
 
     def calibrate(self, which: str) -> None:
         command, _ = CALIBRATIONS[which]
         if self._exchange(command, CALIBRATE_S)[VALUES_AT] != 1:
-            raise RefusedError(f"the CR30 did not confirm its {which} calibration: look at its "
-                               f"display, then {CALIBRATIONS[which][1]} and try again")
+            raise instrument_errors.RefusedError(
+                f"the CR30 did not confirm its {which} calibration: look at its "
+                f"display, then {CALIBRATIONS[which][1]} and try again")
         self.calibrated[which] = datetime.now(UTC).astimezone().isoformat(timespec="seconds")
 
     def pressed(self, limit_s: float) -> bool:
         return self.line.await_bytes(limit_s)
 
-    def measure(self) -> Measured:
+    def measure(self) -> interface.Measured:
         if self.by_button:
             header = self._packet(HEADER, MEASURE_S)
         else:
@@ -96,40 +86,41 @@ class Cr30(Instrument):
         first, points, step = header[4] * 10.0, header[5], header[6]
         nm = self.grid(points, first, first + (points - 1) * step, step)
         if not np.array_equal(nm, BANDS_NM):
-            raise UntrustedReadingError(
+            raise instrument_errors.UntrustedReadingError(
                 f"{self.line.name}: the instrument states {nm.size} bands from {nm[0]:g} to "
                 f"{nm[-1]:g} nm; known are {BANDS_NM.size} from 400 to 700 nm")
-        return Measured(ReadingOutcome.MEASURED)
+        return interface.Measured(ReadingOutcome.MEASURED)
 
-    def read(self) -> HeldResult:
+    def read(self) -> interface.HeldResult:
         packets = [self._exchange(part, REPLY_S) for part in PARTS]
         values = [value for packet, count in zip(packets[:3], PART_VALUES, strict=True)
                   for value in struct.unpack_from(f"<{count}f", packet, VALUES_AT)]
         if packets[0][VALUES_AT:VALUES_AT + REPEATED_BYTES] != \
                 packets[3][REPEATED_AT:REPEATED_AT + REPEATED_BYTES]:
-            raise UntrustedReadingError(f"{self.line.name}: the parts of the spectrum are not of "
-                                        "one measurement; measure again")
+            raise instrument_errors.UntrustedReadingError(
+                f"{self.line.name}: the parts of the spectrum are not of "
+                "one measurement; measure again")
         reflectance = np.array(values) / 100
         if not (np.isfinite(reflectance).all() and reflectance.min() > POSSIBLE[0]
                 and reflectance.max() < POSSIBLE[1] and np.any(reflectance)):
-            raise UntrustedReadingError(
+            raise instrument_errors.UntrustedReadingError(
                 f"{self.line.name}: reflectances from {reflectance.min():.3g} to "
                 f"{reflectance.max():.3g} arrived, which cannot be; calibrate, then measure again")
-        return HeldResult(BANDS_NM, reflectance, Quantity.REFLECTANCE, Stated(), None,
+        return interface.HeldResult(BANDS_NM, reflectance, Quantity.REFLECTANCE, Stated(), None,
                           tuple(packet.hex() for packet in packets),
                           lab=display_lab(reflectance))
 
     def _enter(self) -> None:
         self.entered = True
 
-    def _identity(self) -> Identity:
+    def _identity(self) -> interface.Identity:
         model = self._ask(IDENTITY[0]).split(" ")
         if model[-1] != "CR30":
             raise self.wrong(" ".join(model))
         serial, firmware, _ = (self._ask(command).split(" ") for command in IDENTITY[1:])
         for command in START:
             self._exchange(command, REPLY_S)
-        return Identity(model[-1], serial[0], " ".join((*firmware[::-1], *serial[1:])))
+        return interface.Identity(model[-1], serial[0], " ".join((*firmware[::-1], *serial[1:])))
 
     def _ask(self, command: str) -> str:
         """The words of the answer, by blanks."""
@@ -147,9 +138,10 @@ class Cr30(Instrument):
         if presses := [waiting[at:at + PACKET_BYTES] for at in range(0, len(waiting), PACKET_BYTES)
                        if not (is_packet(waiting[at:at + PACKET_BYTES])
                                and waiting[at:at + 3] == HEADER)]:
-            raise LineFaultError(f"{self.line.name}: the instrument sent {shown(presses[0])} "
-                                 "unasked; check that no other program uses this port, then "
-                                 "measure again")
+            raise instrument_errors.LineFaultError(
+                f"{self.line.name}: the instrument sent {shown(presses[0])} "
+                "unasked; check that no other program uses this port, then "
+                "measure again")
         self.line.write(request(command))
 
     def _packet(self, start: bytes, limit_s: float) -> bytes:
@@ -159,9 +151,10 @@ class Cr30(Instrument):
         packet = self.line.read_count(PACKET_BYTES, limit_s)
         if not is_packet(packet) or not packet.startswith(start):
             self.line.drain(0.1)
-            raise LineFaultError(f"{self.line.name}: {shown(packet.rstrip(bytes(1)))} is no answer "
-                                 f"to {start.hex(' ')}: its check byte or its beginning is wrong; "
-                                 "check the cable, then measure again")
+            raise instrument_errors.LineFaultError(
+                f"{self.line.name}: {shown(packet.rstrip(bytes(1)))} is no answer "
+                f"to {start.hex(' ')}: its check byte or its beginning is wrong; "
+                "check the cable, then measure again")
         return packet
 
 
@@ -204,8 +197,9 @@ def display_lab(reflectance: np.ndarray) -> tuple[float, float, float]:
 @functools.cache
 def _display_weights() -> np.ndarray:
     """Weights (3, 31) of X, Y, Z, with Y = 100 for a reflectance of 1."""
-    nm, observer = published_curves(OBSERVERS, "CIE 1964 10 Degree Standard Observer")
-    light_nm, (light,) = published_curves(LIGHTS, "D65")
+    nm, observer = published_tables.published_curves(published_tables.OBSERVERS,
+                                                     "CIE 1964 10 Degree Standard Observer")
+    light_nm, (light,) = published_tables.published_curves(published_tables.LIGHTS, "D65")
     weights = np.array([np.interp(BANDS_NM, nm, curve) for curve in observer]) \
         * np.interp(BANDS_NM, light_nm, light)
     return np.asarray(100 * weights / weights[1].sum())

@@ -10,19 +10,7 @@ import re
 
 import numpy as np
 
-from spectrabox.capture.meter.instruments.instrument_errors import (
-    LineFaultError,
-    RefusedError,
-    UntrustedReadingError,
-)
-from spectrabox.capture.meter.instruments.interface import (
-    RESTORE_S,
-    HeldResult,
-    Identity,
-    Instrument,
-    Measured,
-    MeterSettings,
-)
+from spectrabox.capture.meter.instruments import instrument_errors, interface
 from spectrabox.capture.meter.serial_line import LineSettings
 from spectrabox.capture.meter.stated import printed, stated_by_xyz
 from spectrabox.radiometry.records.spectra import Quantity
@@ -53,7 +41,7 @@ ERRORS = {
 OUTCOMES = {10: ReadingOutcome.TOO_BRIGHT, 71: ReadingOutcome.NO_SYNC}
 
 
-class Cs2000(Instrument):
+class Cs2000(interface.Instrument):
     """Konica Minolta CS-2000 or CS-2000A."""
 
     name = "cs2000"
@@ -62,18 +50,19 @@ class Cs2000(Instrument):
     errors = ERRORS
     announced = False                   # the duration of the measurement under way
 
-    def _identity(self) -> Identity:
+    def _identity(self) -> interface.Identity:
         reply = self._ask("IDDR")
         fields = reply.split(",")
         if len(fields) < 3 or not fields[0].strip().startswith("CS-2000"):
             raise self.wrong(reply)
         model = "CS-2000A" if fields[1].strip() == "2" else "CS-2000"
-        return Identity(model, fields[2].strip(), None)
+        return interface.Identity(model, fields[2].strip(), None)
 
-    def settings(self, wanted: MeterSettings) -> None:
+    def settings(self, wanted: interface.MeterSettings) -> None:
         if wanted.averages not in (None, 1):
-            raise RefusedError(f"{self.family} refused 'averages = {wanted.averages}' with error "
-                               "17: it has no averaging; use --repeat")
+            raise instrument_errors.RefusedError(
+                f"{self.family} refused 'averages = {wanted.averages}' with error "
+                "17: it has no averaging; use --repeat")
         if wanted.integration_ms is not None:
             before = self._remember("SPMS", "SPMR")
             self._ask(f"SPMS,3,{round(wanted.integration_ms * 1000)},{_filter_of(before)}")
@@ -81,30 +70,32 @@ class Cs2000(Instrument):
             self._remember("SCMS", "SCMR")
             self._ask(f"SCMS,1,{round(wanted.sync_hz * 100)}")
 
-    def measure(self) -> Measured:
+    def measure(self) -> interface.Measured:
         with self.measuring(ANNOUNCE_S):
             self.announced = False
             self.line.write(b"MEAS,1\n")
         code, duration = self._reply("MEAS,1", ANNOUNCE_S)
         if code in OUTCOMES:
             self.measured()
-            return Measured(OUTCOMES[code])
+            return interface.Measured(OUTCOMES[code])
         self.announced = True
         announced = self.numbers(duration, 1)[0]
         if not 0 <= announced <= 300:
-            raise LineFaultError(f"{self.line.name}: a measurement of {announced:g} s is "
-                                 "announced; at most 242 s can be")
+            raise instrument_errors.LineFaultError(
+                f"{self.line.name}: a measurement of {announced:g} s is "
+                "announced; at most 242 s can be")
         code, rest = self._reply("MEAS,1", announced + MARGIN_S)
         if rest:
-            raise LineFaultError(f"{self.line.name}: the end of the measurement should be a bare "
-                                 "OK00; measure again")
+            raise instrument_errors.LineFaultError(
+                f"{self.line.name}: the end of the measurement should be a bare "
+                "OK00; measure again")
         self.measured()
         if code in OUTCOMES:
-            return Measured(OUTCOMES[code])
-        return Measured(ReadingOutcome.LOW_LIGHT if announced >= LONG_S
+            return interface.Measured(OUTCOMES[code])
+        return interface.Measured(ReadingOutcome.LOW_LIGHT if announced >= LONG_S
                         else ReadingOutcome.MEASURED)
 
-    def read(self) -> HeldResult:
+    def read(self) -> interface.HeldResult:
         conditions = self._ask("MEDR,0,0,1")
         blocks = [self._ask(f"MEDR,1,0,{block}") for block in (1, 2, 3, 4)]
         colours = self._ask("MEDR,2,0,00")
@@ -113,14 +104,16 @@ class Cs2000(Instrument):
             values += self.numbers(block, size)
         colour = self.numbers(colours, 24)
         if NOT_CALCULATED in values or NOT_CALCULATED in colour[:5]:
-            raise UntrustedReadingError(f"{self.family} could not calculate part of the spectrum; "
-                                        "measure again")
+            raise instrument_errors.UntrustedReadingError(
+                f"{self.family} could not calculate part of the spectrum; "
+                "measure again")
         exposure_us = re.match(r"[^,]*,[^,]*,\s*(\d+)\s*(?:,|$)", conditions)
         if exposure_us is None:
-            raise LineFaultError(f"{self.line.name}: {conditions!r} states no integration time; "
-                                 "measure again")
+            raise instrument_errors.LineFaultError(
+                f"{self.line.name}: {conditions!r} states no integration time; "
+                "measure again")
         cells = colours.split(",")
-        return HeldResult(NM, np.array(values), Quantity.RADIANCE,
+        return interface.HeldResult(NM, np.array(values), Quantity.RADIANCE,
                           stated_by_xyz(cells[2:5], power=printed(cells[0])),
                           int(exposure_us[1]) / 1000, (conditions, *blocks, colours))
 
@@ -130,12 +123,12 @@ class Cs2000(Instrument):
             self.line.await_bytes(self.busy_for_s())
             self.line.drain(0.2)
         self.line.send(b"MEAS,0\n")
-        self.line.await_bytes(RESTORE_S)
+        self.line.await_bytes(interface.RESTORE_S)
         self.line.drain(0.5)
 
     def obeyed(self, command: bytes) -> bool:
         self.line.send(command)
-        return self.line.read_line(RESTORE_S) == "OK00"
+        return self.line.read_line(interface.RESTORE_S) == "OK00"
 
     def _enter(self) -> None:
         self.line.drain(0.2)

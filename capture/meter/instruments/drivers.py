@@ -9,7 +9,7 @@ from spectrabox.capture.meter.instruments.jeti import Specbos1211, Specbos2501
 from spectrabox.capture.meter.instruments.pr650 import Pr650
 from spectrabox.capture.meter.instruments.pr655 import Pr655
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.system.known_names import nearest_names
+from spectrabox.radiometry.system.words import nearest_names
 
 DRIVERS: dict[str, type[Instrument]] = {
     driver.name: driver for driver in (Cs2000, Cr250, Pr655, Pr650, Specbos1211, Specbos2501,

@@ -14,15 +14,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from spectrabox.capture.meter.instruments.instrument_errors import (
-    InstrumentError,
-    LineFaultError,
-    NoReplyError,
-    RefusedError,
-    UntrustedReadingError,
-    WrongInstrumentError,
-)
-from spectrabox.capture.meter.serial_line import LineSettings, SerialLine, shown
+from spectrabox.capture.meter import serial_line
+from spectrabox.capture.meter.instruments import instrument_errors
 from spectrabox.capture.meter.stated import Stated
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding
@@ -86,23 +79,23 @@ class HeldResult:
 class Instrument(abc.ABC):
     """One instrument on an open line."""
 
-    name: str                               # as the operator names it
-    family: str                             # as a sentence names it
-    line_settings: LineSettings
-    errors: Mapping[int, str]               # sentences by the instrument's own codes
+    name: str  # as the operator names it
+    family: str  # as a sentence names it
+    line_settings: serial_line.LineSettings
+    errors: Mapping[int, str]  # sentences by the instrument's own codes
     quantities: tuple[Quantity, ...] = (Quantity.RADIANCE, Quantity.IRRADIANCE)
-    checks_bytes = False                    # its replies have a check byte: one reading is enough
+    checks_bytes = False  # its replies have a check byte: one reading is enough
     # What it must be calibrated with before it measures, and how to hold it for that.
     calibrations: Mapping[str, str] = MappingProxyType({})
-    has_button = False                      # that takes a reading when it is pressed
-    by_button = False                       # the next reading is the one taken with the button
+    has_button = False  # that takes a reading when it is pressed
+    by_button = False  # the next reading is the one taken with the button
     averages = 1
 
-    def __init__(self, line: SerialLine) -> None:
+    def __init__(self, line: serial_line.SerialLine) -> None:
         self.line = line
-        self.restore: list[bytes] = []      # commands that undo what was set, sent on leaving
+        self.restore: list[bytes] = []  # commands that undo what was set, sent on leaving
         self.entered = False
-        self.calibrated: dict[str, str] = {}    # when, by kind of calibration, since it was opened
+        self.calibrated: dict[str, str] = {}  # when, by kind of calibration, since it was opened
         self.busy_until: float | None = None  # monotonic; None: no measurement is under way
 
     def identify(self) -> Identity:
@@ -198,8 +191,8 @@ class Instrument(abc.ABC):
                 self._finish()
                 self._put_back()
                 self.leave()
-        except InstrumentError:
-            pass    # the line is lost: the caller has the error, or all its readings
+        except instrument_errors.InstrumentError:
+            pass  # the line is lost: the caller has the error, or all its readings
         finally:
             self.line.close()
 
@@ -219,7 +212,7 @@ class Instrument(abc.ABC):
             self.busy_until = time.monotonic() + self.line.pace.limit_s(limit_s)
             try:
                 yield
-            except LineFaultError:      # bytes lay waiting: the command was not sent
+            except instrument_errors.LineFaultError:  # bytes lay waiting: the command was not sent
                 self.measured()
                 raise
 
@@ -260,9 +253,9 @@ class Instrument(abc.ABC):
         """Whether a command is confirmed; None where nothing answers."""
         try:
             return self.obeyed(command)
-        except NoReplyError:
+        except instrument_errors.NoReplyError:
             return None
-        except (LineFaultError, RefusedError):
+        except (instrument_errors.LineFaultError, instrument_errors.RefusedError):
             self.line.drain(0.2)
             return False
 
@@ -276,8 +269,9 @@ class Instrument(abc.ABC):
         """
         first, second = self._ask(command), self._ask(command)
         if first != second:
-            raise UntrustedReadingError(f"asked {command!r} twice, the instrument answered "
-                                        f"{first!r} and {second!r}; check the cable")
+            raise instrument_errors.UntrustedReadingError(
+                f"asked {command!r} twice, the instrument answered "
+                f"{first!r} and {second!r}; check the cable")
         return first
 
     def numbers(self, text: str, count: int, separator: str = ",") -> list[float]:
@@ -296,9 +290,10 @@ class Instrument(abc.ABC):
         """
         cells = [cell.strip() for cell in text.split(separator)]
         if len(cells) != count or not all(re.fullmatch(NUMBER, cell) for cell in cells):
-            raise LineFaultError(f"{self.line.name}: {shown(text.encode())} arrived where {count} "
-                                 f"number{'s' if count > 1 else ''} should stand; measure again, "
-                                 "and check the cable")
+            raise instrument_errors.LineFaultError(
+                f"{self.line.name}: {serial_line.shown(text.encode())} arrived where {count} "
+                f"number{'s' if count > 1 else ''} should stand; measure again, "
+                "and check the cable")
         return [float(cell) for cell in cells]
 
     def xyz_cells(self, text: str) -> list[str]:
@@ -324,9 +319,10 @@ class Instrument(abc.ABC):
         possible = 2 <= points <= MAX_POINTS and points == int(points) and step > 0
         if not (possible and RANGE_NM[0] <= first < last <= RANGE_NM[1]
                 and abs(first + (points - 1) * step - last) <= 0.01 * step):
-            raise LineFaultError(f"{self.line.name}: the instrument states {points:g} points from "
-                                 f"{first:g} to {last:g} nm in steps of {step:g} nm, which cannot "
-                                 "be; measure again, and check the cable")
+            raise instrument_errors.LineFaultError(
+                f"{self.line.name}: the instrument states {points:g} points from "
+                f"{first:g} to {last:g} nm in steps of {step:g} nm, which cannot "
+                "be; measure again, and check the cable")
         return first + step * np.arange(int(points))
 
     def values_at(self, nm: np.ndarray, rows: Sequence[str], separator: str = ",") -> np.ndarray:
@@ -345,10 +341,11 @@ class Instrument(abc.ABC):
         """
         pairs = np.array([self.numbers(row, 2, separator) for row in rows])
         if not np.array_equal(pairs[:, 0], nm):
-            raise UntrustedReadingError(f"{self.line.name}: the spectrum's wavelengths are not "
-                                        f"those that the instrument states ({nm[0]:g}-{nm[-1]:g} "
-                                        f"nm, {nm.size} points); measure again, and check the "
-                                        "cable")
+            raise instrument_errors.UntrustedReadingError(
+                f"{self.line.name}: the spectrum's wavelengths are not "
+                f"those that the instrument states ({nm[0]:g}-{nm[-1]:g} "
+                f"nm, {nm.size} points); measure again, and check the "
+                "cable")
         return np.asarray(pairs[:, 1])
 
     def quantity_of(self, unit: float, remedy: str) -> Quantity:
@@ -366,27 +363,31 @@ class Instrument(abc.ABC):
             At any other code.
         """
         if unit not in UNITS:
-            raise LineFaultError(f"{self.line.name}: unit code {unit:g} is neither radiance (0) "
-                                 f"nor irradiance (1); {remedy}")
+            raise instrument_errors.LineFaultError(
+                f"{self.line.name}: unit code {unit:g} is neither radiance (0) "
+                f"nor irradiance (1); {remedy}")
         return UNITS[int(unit)]
 
-    def refused(self, command: str, code: int) -> RefusedError:
+    def refused(self, command: str, code: int) -> instrument_errors.RefusedError:
         """The error for an instrument's own error code, in the words of its table."""
-        sentence = self.errors.get(code, "an error that its protocol notes do not list; see the "
-                                   "instrument's manual")
-        return RefusedError(f"{self.family} refused {command!r} with error {code}: {sentence}",
-                            code)
+        sentence = self.errors.get(
+            code, "an error that its protocol notes do not list; see the "
+            "instrument's manual")
+        return instrument_errors.RefusedError(
+            f"{self.family} refused {command!r} with error {code}: {sentence}", code)
 
-    def no_reply(self, reply: str, command: str) -> LineFaultError:
+    def no_reply(self, reply: str, command: str) -> instrument_errors.LineFaultError:
         """The error for bytes that cannot be the answer to ``command``."""
-        return LineFaultError(f"{self.line.name}: {reply[:60]!r} is no reply to {command!r}; "
-                              "measure again, and check the cable")
+        return instrument_errors.LineFaultError(
+            f"{self.line.name}: {reply[:60]!r} is no reply to {command!r}; "
+            "measure again, and check the cable")
 
-    def wrong(self, reply: str) -> WrongInstrumentError:
+    def wrong(self, reply: str) -> instrument_errors.WrongInstrumentError:
         """The error for a reply in another instrument's language."""
         other = next((name for pattern, name in LANGUAGES if re.search(pattern, reply)), None)
-        hint = (f"this looks like {other}: name it with --instrument" if other
-                else "name the instrument that is on this port, or choose its port from "
-                     "'spectrabox meter list'")
-        return WrongInstrumentError(f"{self.line.name}: {self.family} was asked for, but "
-                                    f"{shown(reply.encode())} answers; {hint}")
+        hint = (f"this looks like {other}: name it with --instrument"
+                if other else "name the instrument that is on this port, or choose its port from "
+                "'spectrabox meter list'")
+        return instrument_errors.WrongInstrumentError(
+            f"{self.line.name}: {self.family} was asked for, but "
+            f"{serial_line.shown(reply.encode())} answers; {hint}")

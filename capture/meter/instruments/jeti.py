@@ -8,21 +8,8 @@ from contextlib import suppress
 
 import numpy as np
 
-from spectrabox.capture.meter.instruments.instrument_errors import (
-    LineFaultError,
-    NoReplyError,
-    RefusedError,
-)
-from spectrabox.capture.meter.instruments.interface import (
-    NUMBER,
-    RESTORE_S,
-    HeldResult,
-    Identity,
-    Instrument,
-    Measured,
-    MeterSettings,
-)
-from spectrabox.capture.meter.serial_line import LineSettings, ascii_text, shown
+from spectrabox.capture.meter import serial_line
+from spectrabox.capture.meter.instruments import instrument_errors, interface
 from spectrabox.capture.meter.stated import Stated, printed, stated_by_xyz
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
@@ -61,7 +48,7 @@ OUTCOMES = {120: ReadingOutcome.TOO_BRIGHT, 121: ReadingOutcome.TOO_DARK,
             160: ReadingOutcome.NO_SYNC, 161: ReadingOutcome.NO_SYNC}
 
 
-class Jeti(Instrument):
+class Jeti(interface.Instrument):
     """A JETI instrument, whatever its model."""
 
     speeds: tuple[int, ...]                 # baud, tried in turn
@@ -77,21 +64,22 @@ class Jeti(Instrument):
             self.line.send(b"*idn?\r")
             try:
                 reply = self._text(self.line.read_until((b"\r",), IDENTIFY_S))
-            except (NoReplyError, LineFaultError):
+            except (instrument_errors.NoReplyError, instrument_errors.LineFaultError):
                 continue
             if reply:
                 self.line.drain(0.05)
                 self._require_model(reply)
                 self.entered = True
                 return
-        raise NoReplyError(f"{self.line.name}: no answer at {', '.join(map(str, self.speeds))} "
-                           "baud; check that the instrument is on and that this is its port")
+        raise instrument_errors.NoReplyError(
+            f"{self.line.name}: no answer at {', '.join(map(str, self.speeds))} "
+            "baud; check that the instrument is on and that this is its port")
 
-    def _identity(self) -> Identity:
+    def _identity(self) -> interface.Identity:
         model = self._ask("*idn?")
         self._require_model(model)
         serial_number = self._ask("*para:spnum?").rpartition(":")[2].strip()
-        return Identity(model, serial_number, self._ask("*vers?"))
+        return interface.Identity(model, serial_number, self._ask("*vers?"))
 
     def stop(self) -> None:
         self.line.send(ESC)
@@ -99,13 +87,13 @@ class Jeti(Instrument):
 
     def obeyed(self, command: bytes) -> bool:
         self.line.send(command)
-        return self.line.read_byte(ACK + NAK, RESTORE_S, skip=ENQ) == ACK
+        return self.line.read_byte(ACK + NAK, interface.RESTORE_S, skip=ENQ) == ACK
 
     def _require_model(self, reply: str) -> None:
         if not re.search(self.models, reply, re.IGNORECASE):
             raise self.wrong(reply)
 
-    def _measure(self, command: str) -> Measured:
+    def _measure(self, command: str) -> interface.Measured:
         """How a measurement ended, once it has: acknowledged, then a bell."""
         limit_s = 20 + self.averages * 2 * EXPOSURE_S
         with self.measuring(limit_s):
@@ -119,19 +107,20 @@ class Jeti(Instrument):
         self.measured()
         if code and code not in OUTCOMES:
             raise self.refused(command, code)
-        return Measured(OUTCOMES.get(code, ReadingOutcome.MEASURED))
+        return interface.Measured(OUTCOMES.get(code, ReadingOutcome.MEASURED))
 
     def _text(self, reply: bytes) -> str:
-        return ascii_text(reply, self.line.name).strip()
+        return serial_line.ascii_text(reply, self.line.name).strip()
 
     def _ask(self, command: str) -> str:
         """The text answer to a query, without its line end."""
         self.line.write(command.encode() + b"\r")
         text = self._text(self._until(b"\r", command, REPLY_S))
         if text.lower().startswith(command.lower()):
-            raise LineFaultError(f"{self.line.name}: the command {command!r} came back instead of "
-                                 "an answer; switch the instrument off and on, and check the "
-                                 "adapter")
+            raise instrument_errors.LineFaultError(
+                f"{self.line.name}: the command {command!r} came back instead of "
+                "an answer; switch the instrument off and on, and check the "
+                "adapter")
         return text
 
     def _ask_labelled(self, command: str, last: str) -> str:
@@ -140,8 +129,9 @@ class Jeti(Instrument):
         while last.upper() not in text.upper():
             text += " " + self._text(self.line.read_until((b"\r",), REPLY_S))
             if len(text) > 200:
-                raise LineFaultError(f"{self.line.name}: {text[:60]!r} holds no {last}; check the "
-                                     "cable")
+                raise instrument_errors.LineFaultError(
+                    f"{self.line.name}: {text[:60]!r} holds no {last}; check the "
+                    "cable")
         return text
 
     def _until(self, end: bytes, command: str, limit_s: float) -> bytes:
@@ -159,11 +149,13 @@ class Jeti(Instrument):
 
     def _error_number(self) -> int:
         self.line.write(b"*stat:err?\r")
-        reply = ascii_text(self.line.read_until((b"\r",), REPLY_S).lstrip(ENQ), self.line.name)
+        reply = serial_line.ascii_text(
+            self.line.read_until((b"\r", ), REPLY_S).lstrip(ENQ), self.line.name)
         match = re.fullmatch(r"\s*(?:Error Code:)?\s*(\d+)\b.*", reply.strip())
         if match is None:
-            raise LineFaultError(f"{self.line.name}: {shown(reply.encode())} states no error "
-                                 "number; check the cable")
+            raise instrument_errors.LineFaultError(
+                f"{self.line.name}: {serial_line.shown(reply.encode())} states no error "
+                "number; check the cable")
         return int(match[1])
 
     def _stated(self, luminance: str, chromaticity: str) -> Stated:
@@ -175,10 +167,12 @@ class Jeti(Instrument):
 
     def _after(self, text: str, label: str) -> str:
         """The number after ``label`` in ``X: 1 Y: 2``, as it is printed."""
-        match = re.search(rf"{re.escape(label)}\s*:?\s*({NUMBER})(?=\s|$)", text, re.IGNORECASE)
+        match = re.search(rf"{re.escape(label)}\s*:?\s*({interface.NUMBER})(?=\s|$)", text,
+                          re.IGNORECASE)
         if match is None:
-            raise LineFaultError(f"{self.line.name}: {shown(text.encode())} states no {label}; "
-                                 "measure again, and check the cable")
+            raise instrument_errors.LineFaultError(
+                f"{self.line.name}: {serial_line.shown(text.encode())} states no {label}; "
+                "measure again, and check the cable")
         return match[1]
 
 
@@ -203,14 +197,14 @@ class Specbos1211(Jeti):
     family = "JETI specbos 1211"
     speeds = (921600, 115200, 38400)
     models = r"SB05|SB12|JETI_SB|SPECTROCAL"
-    line_settings = LineSettings(speeds[0])
+    line_settings = serial_line.LineSettings(speeds[0])
 
-    def _identity(self) -> Identity:
+    def _identity(self) -> interface.Identity:
         identity = super()._identity()
         self.line.drain(0.1)  # old firmware states its version on two lines
         return identity
 
-    def settings(self, wanted: MeterSettings) -> None:
+    def settings(self, wanted: interface.MeterSettings) -> None:
         self.integration_ms = wanted.integration_ms
         commands = [f"*CONF:WRAN {FIRST_NM} {LAST_NM} {STEP_NM}", "*CONF:FUNC 6", "*CONF:FORM 7"]
         commands += ["*CONF:EXPO 1"] if wanted.integration_ms is None else \
@@ -220,29 +214,32 @@ class Specbos1211(Jeti):
             commands.append(f"*CONF:AVER {wanted.averages}")
         if wanted.sync_hz is not None:
             commands += ["*CONF:CYCMOD 1", f"*CONF:CYCTIM {round(1e6 / wanted.sync_hz)}"]
-        with suppress(RefusedError):  # a 1201 has no laser
+        with suppress(instrument_errors.RefusedError):  # a 1201 has no laser
             self._set_to("*CONTR:LASER 0")
         self.restore.append(DEFAULTS)
         for command in commands:
             self._set_to(command)
 
-    def measure(self) -> Measured:
+    def measure(self) -> interface.Measured:
         return self._measure("*INIT")
 
-    def read(self) -> HeldResult:
+    def read(self) -> interface.HeldResult:
         head = self._ask("*CONTR:MHEAD?")
         match = re.fullmatch(r"mhead:\s*([01])", head)
         if match is None:
-            raise LineFaultError(f"{self.line.name}: {head!r} does not say which head is mounted; "
-                                 "check the cable")
+            raise instrument_errors.LineFaultError(
+                f"{self.line.name}: {head!r} does not say which head is mounted; "
+                "check the cable")
         nm, values, text = self._spectrum()
         irradiance = match[1] == "1"
         if irradiance != ("irradiance" in text.lower()):
-            raise LineFaultError(f"{self.line.name}: the spectrum's header and the mounted head "
-                                 "disagree on radiance or irradiance; measure again")
+            raise instrument_errors.LineFaultError(
+                f"{self.line.name}: the spectrum's header and the mounted head "
+                "disagree on radiance or irradiance; measure again")
         stated, colour = self._figures()
-        return HeldResult(nm, values, Quantity.IRRADIANCE if irradiance else Quantity.RADIANCE,
-                          stated, self.integration_ms, (head, text, colour))
+        return interface.HeldResult(nm, values,
+                                    Quantity.IRRADIANCE if irradiance else Quantity.RADIANCE,
+                                    stated, self.integration_ms, (head, text, colour))
 
     def leave(self) -> None:
         self.line.send(b"*CONTR:LASER 0\r")
@@ -254,19 +251,20 @@ class Specbos1211(Jeti):
         text = ""
         for _ in range(MAX_BLOCKS):
             reply = self._until(b"\r\r", "*FETCH:SPRAD", SPECTRUM_S)
-            block = ascii_text(reply, self.line.name).strip("\r\n ")
+            block = serial_line.ascii_text(reply, self.line.name).strip("\r\n ")
             text += block + "\n\n"
             rows = block.split("\r")
             if len(rows) == nm.size:
                 return nm, self.values_at(nm, rows, "\t"), text
-        raise LineFaultError(f"{self.line.name}: no block of {nm.size} values from {FIRST_NM} "
-                             f"to {LAST_NM} nm arrived; measure again, and check the cable")
+        raise instrument_errors.LineFaultError(
+            f"{self.line.name}: no block of {nm.size} values from {FIRST_NM} "
+            f"to {LAST_NM} nm arrived; measure again, and check the cable")
 
     def _figures(self) -> tuple[Stated, str]:
         """What the instrument computed from the spectrum, and its replies."""
         try:
             text = self._ask_labelled("*FETCH:XYZ", "Z")
-        except RefusedError as error:
+        except instrument_errors.RefusedError as error:
             if error.code != UNKNOWN_COMMAND:
                 raise
             luminance = self._ask("*FETCH:PHOTO")  # old firmware
@@ -292,9 +290,9 @@ class Specbos2501(Jeti):
     family = "JETI specbos 2501"
     speeds = (921600, 115200)
     models = r"SDCM3|DCM3_JETI|PECFIRM_JETI|SB25"  # the first letter of SPECFIRM is sometimes lost
-    line_settings = LineSettings(speeds[0])
+    line_settings = serial_line.LineSettings(speeds[0])
 
-    def settings(self, wanted: MeterSettings) -> None:
+    def settings(self, wanted: interface.MeterSettings) -> None:
         self.integration_ms = wanted.integration_ms
         self.averages = wanted.averages or 1
         self._set("form", TEXT_FORM)
@@ -302,33 +300,37 @@ class Specbos2501(Jeti):
             self._set("syncmod", "1")
             self._set("syncfreq", f"{wanted.sync_hz:g}")
 
-    def measure(self) -> Measured:
+    def measure(self) -> interface.Measured:
         return self._measure(f"*MEAS:LIGHT {self.integration_ms or 0:g} {self.averages} 0")
 
-    def read(self) -> HeldResult:
+    def read(self) -> interface.HeldResult:
         grid = self._ask("*para:wran?")
         first, last, step = self.numbers(re.sub(r"\s+", " ", grid.rpartition(":")[2].strip()), 3,
                                          " ")
         if step <= 0 or not 100 <= first < last <= 3000 or (last - first) / step > 5000:
-            raise LineFaultError(f"{self.line.name}: {grid!r} is no wavelength range; check the "
-                                 "cable")
+            raise instrument_errors.LineFaultError(
+                f"{self.line.name}: {grid!r} is no wavelength range; check the "
+                "cable")
         nm = np.arange(first, last + step / 2, step)
         self.line.write(b"*CALC:SPRAD\r")
         reply = self._until(ETX, "*CALC:SPRAD", SPECTRUM_S).lstrip(ENQ + ACK + BEL)
         if not reply.startswith(STX):
-            raise LineFaultError(f"{self.line.name}: the spectrum does not begin with STX; measure "
-                                 "again")
-        rows = ascii_text(reply[1:-1], self.line.name).strip("\r\n").split("\r")
+            raise instrument_errors.LineFaultError(
+                f"{self.line.name}: the spectrum does not begin with STX; measure "
+                "again")
+        rows = serial_line.ascii_text(reply[1:-1], self.line.name).strip("\r\n").split("\r")
         values = self.values_at(nm, [row.strip("\n") for row in rows], "\t")
         luminance = self._ask("*calc:PHOTOmetric")
         chromaticity = self._ask_labelled("*calc:CHROMXY", "_y")
-        return HeldResult(nm, values, Quantity.RADIANCE, self._stated(luminance, chromaticity),
-                          self.integration_ms, (grid, *rows, luminance, chromaticity))
+        return interface.HeldResult(nm, values, Quantity.RADIANCE,
+                                    self._stated(luminance, chromaticity), self.integration_ms,
+                                    (grid, *rows, luminance, chromaticity))
 
     def _set(self, key: str, value: str) -> None:
         before = self.agreed(f"*para:{key}?").rpartition(":")[2].strip()
         if not re.fullmatch(r"\d+(\.\d+)?", before):
-            raise LineFaultError(f"{self.line.name}: {key} is {before!r}, which could not be put "
-                                 "back afterwards")
+            raise instrument_errors.LineFaultError(
+                f"{self.line.name}: {key} is {before!r}, which could not be put "
+                "back afterwards")
         self.restore.append(f"*para:{key} {before}\r".encode())
         self._set_to(f"*para:{key} {value}")

@@ -10,14 +10,8 @@ from __future__ import annotations
 
 import re
 
+from spectrabox.capture.meter.instruments import interface
 from spectrabox.capture.meter.instruments.instrument_errors import LineFaultError, NoReplyError
-from spectrabox.capture.meter.instruments.interface import (
-    HeldResult,
-    Identity,
-    Instrument,
-    Measured,
-    MeterSettings,
-)
 from spectrabox.capture.meter.serial_line import LineSettings
 from spectrabox.capture.meter.stated import printed, stated_by_xyz
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
@@ -44,7 +38,7 @@ OUTCOMES = {-1: ReadingOutcome.TOO_DARK, 7: ReadingOutcome.NO_SYNC, 8: ReadingOu
 LINE_ENDS = (b"\n", b"\r")  # some firmware ends a line with a bare CR
 
 
-class Pr650(Instrument):
+class Pr650(interface.Instrument):
     """Photo Research PR-650."""
 
     name = "pr650"
@@ -52,14 +46,14 @@ class Pr650(Instrument):
     line_settings = LineSettings(9600, pace_s=0.01)
     errors = ERRORS
 
-    def _identity(self) -> Identity:
+    def _identity(self) -> interface.Identity:
         reply = self._ask("d110")
         match = re.fullmatch(r"(?:0+\s*,)?\s*(\w[\w -]*)", reply)
         if match is None:
             raise self.wrong(reply)
-        return Identity("PR-650", match[1].strip(), None)
+        return interface.Identity("PR-650", match[1].strip(), None)
 
-    def settings(self, wanted: MeterSettings) -> None:
+    def settings(self, wanted: interface.MeterSettings) -> None:
         sync = "" if wanted.sync_hz is None else f"{wanted.sync_hz:g}"
         integration = round(wanted.integration_ms or 0)
         self.averages = wanted.averages or 1
@@ -67,7 +61,7 @@ class Pr650(Instrument):
         if code:
             raise self.refused("S", code)
 
-    def measure(self) -> Measured:
+    def measure(self) -> interface.Measured:
         limit_s = 30 + self.averages * 2 * EXPOSURE_S
         with self.measuring(limit_s):
             self.line.write(b"m0\n")
@@ -75,9 +69,9 @@ class Pr650(Instrument):
         self.measured()
         if code and code not in OUTCOMES:
             raise self.refused("m0", code)
-        return Measured(OUTCOMES.get(code, ReadingOutcome.MEASURED))
+        return interface.Measured(OUTCOMES.get(code, ReadingOutcome.MEASURED))
 
-    def read(self) -> HeldResult:
+    def read(self) -> interface.HeldResult:
         grid = self._ask("d120")
         points, _, first, last, step = self.numbers(grid, 5)
         nm = self.grid(points, first, last, step)
@@ -98,7 +92,7 @@ class Pr650(Instrument):
         if (colour_quality, colour_unit) != (quality, unit):
             raise self.no_reply(colour, "d2")
         stated = stated_by_xyz(self.xyz_cells(colour), printed(integral))
-        return HeldResult(nm, values, quantity, stated, None,
+        return interface.HeldResult(nm, values, quantity, stated, None,
                           (grid, header, integral, *rows, colour))
 
     def stop(self) -> None:

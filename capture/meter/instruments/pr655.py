@@ -8,16 +8,8 @@ from __future__ import annotations
 
 import re
 
+from spectrabox.capture.meter.instruments import interface
 from spectrabox.capture.meter.instruments.instrument_errors import LineFaultError
-from spectrabox.capture.meter.instruments.interface import (
-    NUMBER,
-    RESTORE_S,
-    HeldResult,
-    Identity,
-    Instrument,
-    Measured,
-    MeterSettings,
-)
 from spectrabox.capture.meter.serial_line import LineSettings
 from spectrabox.capture.meter.stated import printed, stated_by_xyz
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
@@ -39,7 +31,7 @@ OUTCOMES = {-1: ReadingOutcome.UNSTEADY, -2: ReadingOutcome.TOO_BRIGHT, -3: Read
             -8: ReadingOutcome.TOO_DARK, -9: ReadingOutcome.NO_SYNC, -10: ReadingOutcome.NO_SYNC}
 
 
-class Pr655(Instrument):
+class Pr655(interface.Instrument):
     """Photo Research PR-655, PR-670 and relatives."""
 
     name = "pr655"
@@ -47,13 +39,13 @@ class Pr655(Instrument):
     line_settings = LineSettings(9600, pace_s=0.05)
     errors = ERRORS
 
-    def _identity(self) -> Identity:
+    def _identity(self) -> interface.Identity:
         model = self._ask("D111").strip()
         if not model.startswith("PR-"):
             raise self.wrong(model)
-        return Identity(model, self._ask("D110").strip(), self._ask("D114").strip())
+        return interface.Identity(model, self._ask("D110").strip(), self._ask("D114").strip())
 
-    def settings(self, wanted: MeterSettings) -> None:
+    def settings(self, wanted: interface.MeterSettings) -> None:
         before = self.agreed("D602").split(",")
         if len(before) < 10:
             raise LineFaultError(f"{self.line.name}: {','.join(before)!r} is not a list of "
@@ -79,7 +71,7 @@ class Pr655(Instrument):
             self._set("SS3", "SS0")
             self._set(_sync_frequency(wanted.sync_hz), _sync_frequency(float(frequency[1])))
 
-    def measure(self) -> Measured:
+    def measure(self) -> interface.Measured:
         limit_s = 10 + self.averages * EXPOSURES * MAX_EXPOSURE_S
         with self.measuring(limit_s):
             self.line.write(b"M1\r")
@@ -88,12 +80,12 @@ class Pr655(Instrument):
         if code in OUTCOMES:
             self.line.send(b"C\r")  # clears the error state; whether it is answered is not known
             self.line.drain(0.3)
-            return Measured(OUTCOMES[code])
+            return interface.Measured(OUTCOMES[code])
         if code:
             raise self.refused("M1", code)
-        return Measured(ReadingOutcome.MEASURED)
+        return interface.Measured(ReadingOutcome.MEASURED)
 
-    def read(self) -> HeldResult:
+    def read(self) -> interface.HeldResult:
         grid = self._ask("D120")
         points, _, first, last, step = self.numbers(",".join(grid.split(",")[:5]), 5)
         nm = self.grid(points, first, last, step)
@@ -102,20 +94,20 @@ class Pr655(Instrument):
         unit = self.numbers(header, 4)[0]
         values = self.values_at(nm, rows)
         colour, exposure = self._ask("D2"), self._ask("D13")
-        exposures = re.findall(NUMBER, exposure)
+        exposures = re.findall(interface.NUMBER, exposure)
         milliseconds = float(exposures[-1]) if exposures else None
         quantity = self.quantity_of(unit, "mount an accessory for one of them")
         if self.numbers(colour, 4)[0] != unit:
             raise self.no_reply(colour, "D2")
         stated = stated_by_xyz(self.xyz_cells(colour), printed(header.split(",")[2]))
-        return HeldResult(nm, values, quantity, stated, milliseconds,
+        return interface.HeldResult(nm, values, quantity, stated, milliseconds,
                           (grid, header, *rows, colour, exposure))
 
     def obeyed(self, command: bytes) -> bool:
         if command == ECHO:
             return super().obeyed(command)
         self.line.send(command)
-        return self._code(command.decode().rstrip(), RESTORE_S, SETTING_REPLY)[0] == 0
+        return self._code(command.decode().rstrip(), interface.RESTORE_S, SETTING_REPLY)[0] == 0
 
     def leave(self) -> None:
         self.line.send(b"Q")

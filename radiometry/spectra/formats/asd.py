@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.spectra.formats.measurement_table import MAX_VALUES, UNITS, SpectralTable
+from spectrabox.radiometry.spectra.formats import measurement_table
 
 HEADER_BYTES = 484
 TYPES = ("raw", "reflectance", "radiance", "no units", "irradiance", "quality index",
@@ -51,7 +51,7 @@ def is_asd(content: bytes) -> bool:
             and b"\x00" in content[:HEADER_BYTES])
 
 
-def read_asd(content: bytes, path: Path) -> SpectralTable:
+def read_asd(content: bytes, path: Path) -> measurement_table.SpectralTable:
     """Reflectance, radiance, irradiance or raw counts, with target and reference as further
     columns.
 
@@ -81,9 +81,11 @@ def read_asd(content: bytes, path: Path) -> SpectralTable:
     facts = {"source": f"ASD instrument {header.serial_number}, {path.name}",
              "asd_version": header.version,
              "asd_type": header.kind, "integration_ms": str(header.integration_ms)}
-    return SpectralTable(nm, tuple(columns), np.array([values for values, _ in columns.values()]),
-                         facts, path.name, next(iter(columns)),
-                         {name: stated for name, (_, stated) in columns.items()}, tuple(notes))
+    return measurement_table.SpectralTable(nm, tuple(columns),
+                                           np.array([values for values, _ in columns.values()]),
+                                           facts, path.name, next(iter(columns)),
+                                           {name: stated
+                                            for name, (_, stated) in columns.items()}, tuple(notes))
 
 
 def _header(content: bytes, name: str) -> AsdHeader:
@@ -115,7 +117,7 @@ def _samples(content: bytes, at: int, header: AsdHeader, name: str,
              kind: str | None = None) -> tuple[np.ndarray, int]:
     kind = kind or header.sample_format
     size = np.dtype(kind).itemsize * header.channels
-    if at + size > len(content) or header.channels > MAX_VALUES:
+    if at + size > len(content) or header.channels > measurement_table.MAX_VALUES:
         raise InputError(f"{name} is cut: {at + size} bytes are stated, {len(content)} are there; "
                          "copy the file from the instrument again")
     values = np.frombuffer(content, kind, header.channels, at).astype(float)
@@ -147,12 +149,16 @@ def _columns(header: AsdHeader, spectrum: np.ndarray, reference: np.ndarray | No
     counts = {"quantity": "raw", "unit": "counts"}
     if header.kind in ("radiance", "irradiance"):
         if header.version == "ASD":
-            return {header.kind: (spectrum, {"quantity": header.kind, "unit": UNITS[header.kind]})}
+            return {
+                header.kind:
+                (spectrum, {"quantity": header.kind, "unit": measurement_table.UNITS[header.kind]})
+            }
         columns = {}
         derived = _derived(header, spectrum, calibrations, notes)
         if derived is not None:
             quantity, values = derived
-            columns[quantity] = (values, {"quantity": quantity, "unit": UNITS[quantity]})
+            columns[quantity] = (values,
+                                 {"quantity": quantity, "unit": measurement_table.UNITS[quantity]})
         columns["target"] = (spectrum, counts)
         return columns | ({} if reference is None else {"reference": (reference, counts)})
     if header.kind in ("raw", "reflectance", "transmittance") and reference is not None and taken:

@@ -14,13 +14,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import Quantity
-from spectrabox.radiometry.spectra.formats.measurement_table import (
-    MAX_VALUES,
-    SpectralTable,
-    distinct,
-    number,
-    text_of,
-)
+from spectrabox.radiometry.spectra.formats import measurement_table
 
 BAND = re.compile(r"(?:SPEC_|SPECTRAL_NM_?|SPECTRAL_|NM_?|R_?)?(\d{3,4}(?:\.\d+)?)(?:NM)?",
                   re.IGNORECASE)
@@ -38,7 +32,7 @@ def is_cgats(text: str) -> bool:
     return "BEGIN_DATA_FORMAT" in text and "BEGIN_DATA" in text.replace("BEGIN_DATA_FORMAT", "")
 
 
-def read_cgats(content: bytes, path: Path) -> SpectralTable:
+def read_cgats(content: bytes, path: Path) -> measurement_table.SpectralTable:
     """Every sample of the first table that has spectra, one column each.
 
     Parameters
@@ -51,26 +45,28 @@ def read_cgats(content: bytes, path: Path) -> SpectralTable:
     ------
     InputError
     """
-    keys, fields, rows = _first_table(text_of(content, path.name), path.name)
+    keys, fields, rows = _first_table(measurement_table.text_of(content, path.name), path.name)
     bands = [(index, float(match[1])) for index, field in enumerate(fields)
              if (match := BAND.fullmatch(field))]
     if len(bands) < 2:
         raise InputError(f"{path.name} holds no spectra, only {', '.join(fields[:6])}; export it "
                          "with spectral data")
     nm = _wavelengths(keys, [label for _, label in bands], path.name)
-    norm = number(keys.get("SPECTRAL_NORM", "1"))
+    norm = measurement_table.number(keys.get("SPECTRAL_NORM", "1"))
     if not norm > 0:
         raise InputError(f"{path.name}: SPECTRAL_NORM is {keys.get('SPECTRAL_NORM')!r}; a positive "
                          "number is needed")
-    values = np.array([[number(row[index]) for index, _ in bands] for row in rows]) / norm
+    values = np.array([[measurement_table.number(row[index]) for index, _ in bands]
+                       for row in rows]) / norm
     order = np.argsort(nm, kind="stable")
     facts = {"source": keys.get("DESCRIPTOR", path.name), **_stated(keys)}
-    names = distinct(_names(fields, rows))
+    names = measurement_table.distinct(_names(fields, rows))
     column = [field.upper() for field in fields].index(LOCATION) \
         if LOCATION in [field.upper() for field in fields] else None
     stated = {} if column is None else {name: {"location": row[column]}
                                         for name, row in zip(names, rows, strict=True)}
-    return SpectralTable(nm[order], names, values[:, order], facts, path.name, None, stated)
+    return measurement_table.SpectralTable(nm[order], names, values[:, order], facts, path.name,
+                                           None, stated)
 
 
 def sp_text(nm: np.ndarray, columns: dict[str, np.ndarray], *, quantity: Quantity,
@@ -171,7 +167,8 @@ def _words(line: str, name: str) -> list[str]:
 
 
 def _rows(fields: list[str], cells: list[str], keys: dict[str, str], name: str) -> list[list[str]]:
-    if not fields or not cells or len(cells) % len(fields) or len(cells) > MAX_VALUES:
+    if not fields or not cells or len(cells) % len(fields) or len(
+            cells) > measurement_table.MAX_VALUES:
         raise InputError(f"{name}: {len(cells)} cells do not fill rows of {len(fields)} fields; "
                          "the file is cut or was edited")
     rows = [cells[start:start + len(fields)] for start in range(0, len(cells), len(fields))]
@@ -183,7 +180,7 @@ def _rows(fields: list[str], cells: list[str], keys: dict[str, str], name: str) 
 
 
 def _wavelengths(keys: dict[str, str], labels: list[float], name: str) -> np.ndarray:
-    stated = [number(keys.get(key, ""))
+    stated = [measurement_table.number(keys.get(key, ""))
               for key in ("SPECTRAL_BANDS", "SPECTRAL_START_NM", "SPECTRAL_END_NM")]
     if not all(np.isfinite(stated)):
         return np.array(labels)

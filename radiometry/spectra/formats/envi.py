@@ -11,15 +11,8 @@ import numpy as np
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import whole_file, write_text_whole
 from spectrabox.radiometry.records.spectra import Quantity
-from spectrabox.radiometry.spectra.formats.csvw import envi_header_of, envi_values_of
-from spectrabox.radiometry.spectra.formats.measurement_table import (
-    MAX_VALUES,
-    SpectralTable,
-    distinct,
-    file_content,
-    number,
-    text_of,
-)
+from spectrabox.radiometry.spectra.formats import measurement_table
+from spectrabox.radiometry.spectra.formats.delimited import envi_header_of, envi_values_of
 
 DATA_TYPES = {1: "u1", 2: "i2", 3: "i4", 4: "f4", 5: "f8", 12: "u2", 13: "u4", 14: "i8", 15: "u8"}
 WAVELENGTH_UNITS = {"nm": 1.0, "nanometers": 1.0, "nanometer": 1.0, "um": 1000.0,
@@ -33,7 +26,7 @@ def is_envi_header(content: bytes) -> bool:
     return content[:200].lstrip(b"\xef\xbb\xbf").startswith(b"ENVI") and b"=" in content
 
 
-def read_envi(content: bytes, path: Path) -> SpectralTable:
+def read_envi(content: bytes, path: Path) -> measurement_table.SpectralTable:
     """Every spectrum of a library, given its header or its binary file.
 
     Parameters
@@ -48,8 +41,9 @@ def read_envi(content: bytes, path: Path) -> SpectralTable:
     InputError
     """
     header_path, data, data_name = _both_files(content, path)
-    header = text_of(content if header_path == path else file_content(header_path),
-                     header_path.name)
+    header = measurement_table.text_of(
+        content if header_path == path else measurement_table.file_content(header_path),
+        header_path.name)
     keys = {match[1].strip().lower(): (match[2] if match[2] is not None else match[3]).strip()
             for match in ITEM.finditer(header.replace("\r\n", "\n"))}
     bands, count, offset, data_type = (_integer(keys, key, header_path.name)
@@ -61,15 +55,17 @@ def read_envi(content: bytes, path: Path) -> SpectralTable:
     kind = np.dtype((">" if keys.get("byte order", "0").strip() == "1" else "<")
                     + DATA_TYPES[data_type])
     size = bands * count
-    if not 0 < size <= MAX_VALUES or offset < 0 or offset + size * kind.itemsize > len(data):
+    if not 0 < size <= measurement_table.MAX_VALUES or offset < 0 \
+            or offset + size * kind.itemsize > len(
+            data):
         raise InputError(f"{data_name} is cut: {count} spectra of {bands} bands are stated, "
                          f"{max(len(data) - offset, 0)} bytes of values are there")
     with np.errstate(invalid="ignore", over="ignore"):
         values = np.frombuffer(data, kind, bands * count,
                                offset).astype(float).reshape(count, bands)
     values = np.where(np.isfinite(values), values, np.nan)
-    ignored = number(keys.get("data ignore value", ""))
-    scale = number(keys.get("reflectance scale factor", "1"))
+    ignored = measurement_table.number(keys.get("data ignore value", ""))
+    scale = measurement_table.number(keys.get("reflectance scale factor", "1"))
     if not scale > 0:
         raise InputError(f"{header_path.name}: the reflectance scale factor {scale:g} cannot be")
     values = np.where(values == ignored, np.nan, values) / scale
@@ -100,9 +96,10 @@ def envi_files(nm: np.ndarray, columns: dict[str, np.ndarray], *, quantity: Quan
     return "\n".join(lines) + "\n", np.array(list(columns.values()), dtype="<f8").tobytes()
 
 
-def _table(keys: dict[str, str], values: np.ndarray, name: str) -> SpectralTable:
+def _table(keys: dict[str, str], values: np.ndarray, name: str) -> measurement_table.SpectralTable:
     unit = keys.get("wavelength units", "").strip().lower()
-    wavelengths = np.array([number(cell) for cell in keys.get("wavelength", "").split(",")])
+    wavelengths = np.array(
+        [measurement_table.number(cell) for cell in keys.get("wavelength", "").split(",")])
     if wavelengths.size != values.shape[1] or not np.all(np.isfinite(wavelengths)):
         raise InputError(f"{name} lists {wavelengths.size} wavelengths for {values.shape[1]} "
                          "bands; correct the header")
@@ -118,8 +115,8 @@ def _table(keys: dict[str, str], values: np.ndarray, name: str) -> SpectralTable
                   if other in keys})
     if "reflectance scale factor" in keys and "quantity" not in facts:
         facts.update(quantity="reflectance", unit="1")
-    return SpectralTable(np.round(wavelengths * WAVELENGTH_UNITS[unit], 9), distinct(names), values,
-                         facts, name)
+    return measurement_table.SpectralTable(np.round(wavelengths * WAVELENGTH_UNITS[unit], 9),
+                                           measurement_table.distinct(names), values, facts, name)
 
 
 def _both_files(content: bytes, path: Path) -> tuple[Path, bytes, str]:
@@ -132,7 +129,7 @@ def _both_files(content: bytes, path: Path) -> tuple[Path, bytes, str]:
     if (data := envi_values_of(path)) is None:
         raise InputError(f"{path.name} is the header of an ENVI library; put its values "
                          f"{path.stem}.sli beside it")
-    return path, file_content(data), data.name
+    return path, measurement_table.file_content(data), data.name
 
 
 def _integer(keys: dict[str, str], key: str, name: str) -> int:

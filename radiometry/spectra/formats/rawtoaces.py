@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.spectra.formats.measurement_table import SpectralTable, distinct, text_of
+from spectrabox.radiometry.spectra.formats import measurement_table
 
 UNITS = {"relative": ("relative", "relative"), "reflectance": ("reflectance", "1"),
          "irradiance": ("irradiance", "")}
@@ -19,7 +19,7 @@ def is_rawtoaces(text: str) -> bool:
     return text.lstrip().startswith("{") and '"spectral_data"' in text
 
 
-def read_rawtoaces(content: bytes, path: Path) -> SpectralTable:
+def read_rawtoaces(content: bytes, path: Path) -> measurement_table.SpectralTable:
     """Every curve of the file, such as R, G and B.
 
     Parameters
@@ -33,7 +33,7 @@ def read_rawtoaces(content: bytes, path: Path) -> SpectralTable:
     InputError
     """
     try:
-        document = json.loads(text_of(content, path.name))
+        document = json.loads(measurement_table.text_of(content, path.name))
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path.name} is damaged JSON ({error}); copy it again") from None
     data = _at(document, "spectral_data", path.name)
@@ -55,8 +55,9 @@ def read_rawtoaces(content: bytes, path: Path) -> SpectralTable:
     quantity, unit = UNITS.get(str(data.get("units")).lower(), ("", ""))
     facts = {"source": " ".join(source.split()) or path.name,
              **({"quantity": quantity} if quantity else {}), **({"unit": unit} if unit else {})}
-    return SpectralTable(nm, distinct([str(name) for name in names]), np.array(rows).T, facts,
-                         path.name)
+    return measurement_table.SpectralTable(
+        nm, measurement_table.distinct([str(name) for name in names]),
+        np.array(rows).T, facts, path.name)
 
 
 def _at(value: Any, key: str, name: str, kind: type = dict) -> Any:

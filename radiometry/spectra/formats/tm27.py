@@ -12,7 +12,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import Quantity
-from spectrabox.radiometry.spectra.formats.measurement_table import SpectralTable, number, text_of
+from spectrabox.radiometry.spectra.formats import measurement_table
 from spectrabox.radiometry.system.words import plain
 
 NAMESPACE = "http://www.ies.org/iestm2714"
@@ -33,7 +33,7 @@ def is_tm27(text: str) -> bool:
                                                in text.lower())
 
 
-def read_tm27(content: bytes, path: Path) -> SpectralTable:
+def read_tm27(content: bytes, path: Path) -> measurement_table.SpectralTable:
     """Every spectral distribution of the document, which must share their wavelengths.
 
     Parameters
@@ -46,7 +46,7 @@ def read_tm27(content: bytes, path: Path) -> SpectralTable:
     ------
     InputError
     """
-    root = _parsed(text_of(content, path.name), path.name)
+    root = _parsed(measurement_table.text_of(content, path.name), path.name)
     distributions = list(_elements(root, "SpectralDistribution"))
     if not distributions:
         raise InputError(f"{path.name} holds no SpectralDistribution; a TM-27 document is needed")
@@ -60,8 +60,9 @@ def read_tm27(content: bytes, path: Path) -> SpectralTable:
              **{key.lower(): value for key, value in header.items() if value}}
     names = ("value",) if len(distributions) == 1 else tuple(f"distribution {index}"
                                                      for index in range(1, len(distributions) + 1))
-    return SpectralTable(pairs[0][0], names, np.array([values for _, values in pairs]), facts,
-                         path.name)
+    return measurement_table.SpectralTable(pairs[0][0], names,
+                                           np.array([values for _, values in pairs]), facts,
+                                           path.name)
 
 
 def spdx_text(nm: np.ndarray, columns: dict[str, np.ndarray], *, quantity: Quantity,
@@ -116,8 +117,8 @@ def _quantity(distribution: Element) -> dict[str, str]:
 
 def _pairs(distribution: Element, name: str) -> tuple[np.ndarray, np.ndarray]:
     points = distribution.findall("{*}SpectralData")
-    nm = np.array([number(child.get("wavelength", "")) for child in points])
-    values = np.array([number(child.text or "") for child in points])
+    nm = np.array([measurement_table.number(child.get("wavelength", "")) for child in points])
+    values = np.array([measurement_table.number(child.text or "") for child in points])
     if not points or not np.all(np.isfinite(nm)):
         raise InputError(f"{name}: {len(points)} SpectralData, of which "
                          f"{int(np.sum(~np.isfinite(nm)))} state no wavelength; export the file "

@@ -13,17 +13,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from spectrabox.sampling.prior.families import layered, made_materials
 from spectrabox.sampling.prior.families.leaves import green_tissue, leaves, petal_tissue, petals
-from spectrabox.sampling.prior.families.made_materials import (
-    paper,
-    pigment_mixtures,
-    plastic,
-    textile,
-    tiles,
-    whites,
-)
-from spectrabox.sampling.prior.families.natural_materials import animals, soils, woods
-from spectrabox.sampling.prior.families.skin import skin, skin_by_absorbance, skin_in_two_fluxes
 from spectrabox.sampling.prior.mixture import LogitMixture, reflectance
 
 Model = Callable[[np.random.Generator, int], np.ndarray]
@@ -44,15 +35,25 @@ class Family:
 
 
 FAMILIES = {
-    "paint": Family(0.50, 12, 0.02, {}),    # measured, and mixtures of those measured
-    "textile": Family(0.12, 8, 0.02, {textile: 1500, paper: 1200, plastic: 1200}),
-    "leaves": Family(0.12, 4, 0.01, {leaves: 1500, petals: 1500}, 20,
-                     {green_tissue: 1500, petal_tissue: 3000}),
-    "skin": Family(0.10, 5, 0.01, {skin: 1500, skin_in_two_fluxes: 1500,
-                                   skin_by_absorbance: 1000}),
-    "white": Family(0.05, 2, 0.02, {whites: 1500, tiles: 1500}),
-    "earth": Family(0.07, 2, 0.02, {soils: 1500, woods: 1500}),
-    "animal": Family(0.04, 2, 0.02, {animals: 1500}),
+    "paint":
+    Family(0.50, 12, 0.02, {}),  # measured, and mixtures of those measured
+    "textile":
+    Family(
+        0.12, 8, 0.02,
+        {made_materials.textile: 1500, made_materials.paper: 1200, made_materials.plastic: 1200}),
+    "leaves":
+    Family(0.12, 4, 0.01, {leaves: 1500, petals: 1500}, 20,
+           {green_tissue: 1500, petal_tissue: 3000}),
+    "skin":
+    Family(
+        0.10, 5, 0.01,
+        {layered.skin: 1500, layered.skin_in_two_fluxes: 1500, layered.skin_by_absorbance: 1000}),
+    "white":
+    Family(0.05, 2, 0.02, {made_materials.whites: 1500, made_materials.tiles: 1500}),
+    "earth":
+    Family(0.07, 2, 0.02, {layered.soils: 1500, layered.woods: 1500}),
+    "animal":
+    Family(0.04, 2, 0.02, {layered.animals: 1500}),
 }
 MIXTURES = 3000                     # of measured paints
 
@@ -107,5 +108,5 @@ def _paints(prior: LogitMixture, family: int, count: int, rng: np.random.Generat
         logits[rows] = rng.multivariate_normal(prior.means[index],
                                                prior.covariances[index].astype(float), rows.size)
     pigments = reflectance(logits)
-    mixed = pigment_mixtures(rng, count, pigments)
+    mixed = made_materials.pigment_mixtures(rng, count, pigments)
     return np.asarray(np.where(rng.random((count, 1)) < MIXED, mixed, pigments[:count]))

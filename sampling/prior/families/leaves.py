@@ -24,13 +24,7 @@ from pathlib import Path
 import numpy as np
 from scipy.special import exp1
 
-from spectrabox.sampling.prior.families.kubelka_munk import (
-    EV_NM,
-    band,
-    chance,
-    log_uniform,
-    uniform,
-)
+from spectrabox.sampling.prior.families import layered
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
 COEFFICIENTS = Path(__file__).with_name("prospect_d.csv")
@@ -40,21 +34,23 @@ ANGLES = 64                     # of the quadrature
 
 def leaves(rng: np.random.Generator, count: int) -> np.ndarray:
     """Reflectances (count, 61) of leaves, from green to red, yellow and brown."""
-    chlorophyll = log_uniform(rng, 3, 90, count) * (1 - chance(rng, 0.08, count))
-    carotenoids = np.minimum(chlorophyll * uniform(rng, 0.1, 0.35, count)
-                             + chance(rng, 0.25, count) * uniform(rng, 0, 15, count), 25)
-    anthocyanins = chance(rng, 0.25, count) * log_uniform(rng, 0.1, 30, count)
-    tannins = chance(rng, 0.35, count) * log_uniform(rng, 0.02, 2, count)
-    return _seen(rng, chlorophyll, carotenoids, anthocyanins, tannins, uniform(rng, -5, 5, count))
+    chlorophyll = layered.log_uniform(rng, 3, 90, count) * (1 - layered.chance(rng, 0.08, count))
+    carotenoids = np.minimum(
+        chlorophyll * layered.uniform(rng, 0.1, 0.35, count)
+        + layered.chance(rng, 0.25, count) * layered.uniform(rng, 0, 15, count), 25)
+    anthocyanins = layered.chance(rng, 0.25, count) * layered.log_uniform(rng, 0.1, 30, count)
+    tannins = layered.chance(rng, 0.35, count) * layered.log_uniform(rng, 0.02, 2, count)
+    return _seen(rng, chlorophyll, carotenoids, anthocyanins, tannins,
+                 layered.uniform(rng, -5, 5, count))
 
 
 def petals(rng: np.random.Generator, count: int) -> np.ndarray:
     """Reflectances (count, 61) of petals and fruit skins."""
-    chlorophyll = chance(rng, 0.4, count) * log_uniform(rng, 0.2, 15, count)
-    carotenoids = chance(rng, 0.6, count) * log_uniform(rng, 0.2, 40, count)
-    anthocyanins = chance(rng, 0.65, count) * log_uniform(rng, 0.1, 60, count)
-    tannins = chance(rng, 0.3, count) * log_uniform(rng, 0.02, 1, count)
-    shift = uniform(rng, -20, 90, count) * chance(rng, 0.8, count)
+    chlorophyll = layered.chance(rng, 0.4, count) * layered.log_uniform(rng, 0.2, 15, count)
+    carotenoids = layered.chance(rng, 0.6, count) * layered.log_uniform(rng, 0.2, 40, count)
+    anthocyanins = layered.chance(rng, 0.65, count) * layered.log_uniform(rng, 0.1, 60, count)
+    tannins = layered.chance(rng, 0.3, count) * layered.log_uniform(rng, 0.02, 1, count)
+    shift = layered.uniform(rng, -20, 90, count) * layered.chance(rng, 0.8, count)
     return _seen(rng, chlorophyll, carotenoids, anthocyanins, tannins, shift)
 
 
@@ -100,12 +96,13 @@ def _seen(rng: np.random.Generator, chlorophyll: np.ndarray, carotenoids: np.nda
         COEFFICIENTS, delimiter=",", skiprows=5).T
     absorption = (chlorophyll * green + carotenoids * yellow
                   + anthocyanins * _shifted(red, shift_nm)
-                  + tannins * np.exp(-(PRIOR_GRID.nm - 400) / uniform(rng, 70, 130, count))
-                  + uniform(rng, 0.002, 0.02, count) * dry)
-    r, t = leaf(uniform(rng, 1.1, 2.6, count), absorption, index)
-    ground = chance(rng, 0.5, count) * uniform(rng, 0, 0.8, count)
+                  + tannins * np.exp(-(PRIOR_GRID.nm - 400) / layered.uniform(rng, 70, 130, count))
+                  + layered.uniform(rng, 0.002, 0.02, count) * dry)
+    r, t = leaf(layered.uniform(rng, 1.1, 2.6, count), absorption, index)
+    ground = layered.chance(rng, 0.5, count) * layered.uniform(rng, 0, 0.8, count)
     whole = r + t**2 * ground / (1 - r * ground)
-    return uniform(rng, 0.75, 1.05, count) * whole + uniform(rng, -0.02, 0.03, count)
+    return layered.uniform(rng, 0.75, 1.05, count) * whole + layered.uniform(
+        rng, -0.02, 0.03, count)
 
 
 def _shifted(curve: np.ndarray, shift_nm: np.ndarray) -> np.ndarray:
@@ -140,22 +137,22 @@ def _shifted(curve: np.ndarray, shift_nm: np.ndarray) -> np.ndarray:
 
 def green_tissue(rng: np.random.Generator, count: int) -> np.ndarray:
     """Reflectances (count, 61) of leaves, from green to yellow, red and brown."""
-    amount = log_uniform(rng, 0.1, 12, count)
-    red = chance(rng, 0.15, count) * log_uniform(rng, 0.02, 4, count)
+    amount = layered.log_uniform(rng, 0.1, 12, count)
+    red = layered.chance(rng, 0.15, count) * layered.log_uniform(rng, 0.02, 4, count)
     absorption = (amount * chlorophyll(rng, count)
-                  + amount * uniform(rng, 0.1, 0.8, count) * carotenoids(rng, count)
-                  + chance(rng, 0.2, count) * log_uniform(rng, 0.1, 6, count)
+                  + amount * layered.uniform(rng, 0.1, 0.8, count) * carotenoids(rng, count)
+                  + layered.chance(rng, 0.2, count) * layered.log_uniform(rng, 0.1, 6, count)
                   * carotenoids(rng, count) + red * anthocyanins(rng, count))
     return _seen_in_tissue(rng, absorption)
 
 
 def petal_tissue(rng: np.random.Generator, count: int) -> np.ndarray:
     """Reflectances (count, 61) of petals, fruits and coloured leaves."""
-    absorption = (chance(rng, 0.65, count) * log_uniform(rng, 0.03, 10, count)
+    absorption = (layered.chance(rng, 0.65, count) * layered.log_uniform(rng, 0.03, 10, count)
                   * anthocyanins(rng, count)
-                  + chance(rng, 0.55, count) * log_uniform(rng, 0.05, 12, count)
+                  + layered.chance(rng, 0.55, count) * layered.log_uniform(rng, 0.05, 12, count)
                   * carotenoids(rng, count)
-                  + chance(rng, 0.25, count) * log_uniform(rng, 0.02, 2, count)
+                  + layered.chance(rng, 0.25, count) * layered.log_uniform(rng, 0.02, 2, count)
                   * chlorophyll(rng, count))
     return _seen_in_tissue(rng, absorption)
 
@@ -163,38 +160,44 @@ def petal_tissue(rng: np.random.Generator, count: int) -> np.ndarray:
 def chlorophyll(rng: np.random.Generator, count: int) -> np.ndarray:
     """Absorption (count, 61) of chlorophylls a and b, 1 at the blue band of a."""
     def some(low: float, high: float) -> np.ndarray:
-        return uniform(rng, low, high, count)
+        return layered.uniform(rng, low, high, count)
 
-    a = (band(EV_NM / some(430, 445), some(0.08, 0.16), some(0, 0.8))
-         + some(0.6, 0.95) * band(EV_NM / some(670, 682), some(0.03, 0.05), some(0.2, 0.8))
-         + some(0.12, 0.3) * band(EV_NM / some(615, 630), some(0.05, 0.1))
-         + some(0.03, 0.12) * band(EV_NM / some(575, 590), some(0.06, 0.12)))
-    b = (band(EV_NM / some(455, 475), some(0.06, 0.12), some(0, 0.5))
-         + some(0.3, 0.45) * band(EV_NM / some(643, 655), some(0.03, 0.06), some(0, 0.5))
-         + some(0.05, 0.15) * band(EV_NM / some(590, 605), some(0.05, 0.12)))
+    a = (layered.band(layered.EV_NM / some(430, 445), some(0.08, 0.16), some(0, 0.8))
+         + some(0.6, 0.95)
+         * layered.band(layered.EV_NM / some(670, 682), some(0.03, 0.05), some(0.2, 0.8))
+         + some(0.12, 0.3) * layered.band(layered.EV_NM / some(615, 630), some(0.05, 0.1))
+         + some(0.03, 0.12) * layered.band(layered.EV_NM / some(575, 590), some(0.06, 0.12)))
+    b = (layered.band(layered.EV_NM / some(455, 475), some(0.06, 0.12), some(0, 0.5))
+         + some(0.3, 0.45)
+         * layered.band(layered.EV_NM / some(643, 655), some(0.03, 0.06), some(0, 0.5))
+         + some(0.05, 0.15) * layered.band(layered.EV_NM / some(590, 605), some(0.05, 0.12)))
     return a + some(0.15, 0.6) * b + some(0, 0.05)
 
 
 def carotenoids(rng: np.random.Generator, count: int) -> np.ndarray:
     """Absorption (count, 61) of carotenoids, about 1 at the second of three bands."""
-    lowest, width = EV_NM / uniform(rng, 465, 510, count), uniform(rng, 0.05, 0.11, count)
-    ultraviolet = uniform(rng, 0, 0.3, count) * band(3.7, 0.5)
+    lowest, width = layered.EV_NM / layered.uniform(rng, 465, 510, count), layered.uniform(
+        rng, 0.05, 0.11, count)
+    ultraviolet = layered.uniform(rng, 0, 0.3, count) * layered.band(3.7, 0.5)
     return ultraviolet + sum(
-        height * band(lowest + step * uniform(rng, 0.16, 0.18, count), width * (1 + step / 4))
-        for step, height in enumerate((uniform(rng, 0.6, 1, count), 1.0,
-                                       uniform(rng, 0.5, 0.8, count), 0.3)))
+        height * layered.band(lowest + step
+                              * layered.uniform(rng, 0.16, 0.18, count), width * (1 + step / 4))
+        for step, height in enumerate((layered.uniform(rng, 0.6, 1, count), 1.0,
+                                       layered.uniform(rng, 0.5, 0.8, count), 0.3)))
 
 
 def anthocyanins(rng: np.random.Generator, count: int) -> np.ndarray:
     """Absorption (count, 61) of anthocyanins or betalains, 1 at the first of their bands."""
-    peak = EV_NM / uniform(rng, 470, 605, count)
-    width = uniform(rng, 0.1, 0.24, count)
-    complexed = chance(rng, 0.3, count) * uniform(rng, 0, 1, count)
-    step = uniform(rng, 0.12, 0.17, count)
-    return (band(peak, np.where(complexed > 0, 0.6 * width, width), uniform(rng, 0, 0.6, count))
-            + complexed * (band(peak + step, 0.6 * width) + 0.5 * band(peak + 2 * step, width))
-            + uniform(rng, 0, 0.35, count) * band(EV_NM / uniform(rng, 380, 450, count),
-                                                  uniform(rng, 0.2, 0.4, count)))
+    peak = layered.EV_NM / layered.uniform(rng, 470, 605, count)
+    width = layered.uniform(rng, 0.1, 0.24, count)
+    complexed = layered.chance(rng, 0.3, count) * layered.uniform(rng, 0, 1, count)
+    step = layered.uniform(rng, 0.12, 0.17, count)
+    return (layered.band(peak, np.where(complexed > 0, 0.6 * width, width),
+                         layered.uniform(rng, 0, 0.6, count)) + complexed *
+            (layered.band(peak + step, 0.6 * width) + 0.5 * layered.band(peak + 2 * step, width))
+            + layered.uniform(rng, 0, 0.35, count)
+            * layered.band(layered.EV_NM / layered.uniform(rng, 380, 450, count),
+                           layered.uniform(rng, 0.2, 0.4, count)))
 
 
 def layer(absorption: np.ndarray, thickness: np.ndarray, ground: np.ndarray) -> np.ndarray:
@@ -209,15 +212,15 @@ def layer(absorption: np.ndarray, thickness: np.ndarray, ground: np.ndarray) -> 
 
 def _seen_in_tissue(rng: np.random.Generator, pigments: np.ndarray) -> np.ndarray:
     count = len(pigments)
-    sieve = log_uniform(rng, 0.01, 1, count)
+    sieve = layered.log_uniform(rng, 0.01, 1, count)
     passed = -np.expm1(-sieve * pigments) / sieve
-    ends = EV_NM / uniform(rng, 350, 420, count)
-    violet = chance(rng, 0.5, count) * log_uniform(rng, 0.05, 3, count) * band(
-        ends, uniform(rng, 0.12, 0.3, count))
-    tannins = chance(rng, 0.3, count) * log_uniform(rng, 0.02, 2, count) * np.exp(
-        -(PRIOR_GRID.nm - 400) / uniform(rng, 60, 140, count))
-    tissue = log_uniform(rng, 0.003, 0.5, count)
-    inside = layer(passed + violet + tannins + tissue, log_uniform(rng, 0.5, 20, count),
-                   chance(rng, 0.5, count) * uniform(rng, 0, 0.8, count))
-    gloss = uniform(rng, 0, 0.05, count)
-    return (1 - gloss) * uniform(rng, 0.75, 1.05, count) * inside + gloss
+    ends = layered.EV_NM / layered.uniform(rng, 350, 420, count)
+    violet = layered.chance(rng, 0.5, count) * layered.log_uniform(
+        rng, 0.05, 3, count) * layered.band(ends, layered.uniform(rng, 0.12, 0.3, count))
+    tannins = layered.chance(rng, 0.3, count) * layered.log_uniform(rng, 0.02, 2, count) * np.exp(
+        -(PRIOR_GRID.nm - 400) / layered.uniform(rng, 60, 140, count))
+    tissue = layered.log_uniform(rng, 0.003, 0.5, count)
+    inside = layer(passed + violet + tannins + tissue, layered.log_uniform(rng, 0.5, 20, count),
+                   layered.chance(rng, 0.5, count) * layered.uniform(rng, 0, 0.8, count))
+    gloss = layered.uniform(rng, 0, 0.05, count)
+    return (1 - gloss) * layered.uniform(rng, 0.75, 1.05, count) * inside + gloss

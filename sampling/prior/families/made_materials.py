@@ -5,17 +5,7 @@ from itertools import product
 
 import numpy as np
 
-from spectrabox.sampling.prior.families.kubelka_munk import (
-    ENERGY,
-    EV_NM,
-    absorption_of,
-    band,
-    behind_surface,
-    chance,
-    log_uniform,
-    reflectance_of,
-    uniform,
-)
+from spectrabox.sampling.prior.families import layered
 from spectrabox.sampling.prior.mixture import EDGE, PRIOR_GRID
 
 # ---- coatings ------------------------------------------------------------------------------------
@@ -40,25 +30,26 @@ from spectrabox.sampling.prior.mixture import EDGE, PRIOR_GRID
 
 def whites(rng: np.random.Generator, count: int) -> np.ndarray:
     """Reflectances (count, 61) of white, grey and pale matt surfaces."""
-    return reflectance_of(_absorption(rng, count))
+    return layered.reflectance_of(_absorption(rng, count))
 
 
 def tiles(rng: np.random.Generator, count: int) -> np.ndarray:
     """Reflectances (count, 61) of glazed and lacquered ones, the gloss measured or shut out."""
-    entering = chance(rng, 0.5, count) * uniform(rng, 0.03, 0.05, count)
-    return behind_surface(reflectance_of(_absorption(rng, count) / 4), entering,
-                          uniform(rng, 0.4, 0.6, count))
+    entering = layered.chance(rng, 0.5, count) * layered.uniform(rng, 0.03, 0.05, count)
+    return layered.behind_surface(layered.reflectance_of(_absorption(rng, count) / 4), entering,
+                          layered.uniform(rng, 0.4, 0.6, count))
 
 
 def _absorption(rng: np.random.Generator, count: int) -> np.ndarray:
     nm = PRIOR_GRID.nm
-    dirt = log_uniform(rng, 0.0005, 1.5, count) * (nm / 550)**-uniform(rng, 0, 0.5, count)
-    yellow = log_uniform(rng, 0.001, 0.3, count) * np.exp(
-        -(nm - 400) / uniform(rng, 30, 120, count))
-    gap = 3.02 + 0.2 * chance(rng, 0.4, count) + uniform(rng, -0.03, 0.03, count)
-    edge = chance(rng, 0.6, count) * log_uniform(rng, 0.2, 3, count) * np.exp(
-        np.minimum((ENERGY - gap) / uniform(rng, 0.025, 0.07, count), 0))
-    tint = chance(rng, 0.5, count) * dyes(rng, count, 0.3)
+    dirt = layered.log_uniform(rng, 0.0005, 1.5,
+                               count) * (nm / 550)**-layered.uniform(rng, 0, 0.5, count)
+    yellow = layered.log_uniform(rng, 0.001, 0.3, count) * np.exp(
+        -(nm - 400) / layered.uniform(rng, 30, 120, count))
+    gap = 3.02 + 0.2 * layered.chance(rng, 0.4, count) + layered.uniform(rng, -0.03, 0.03, count)
+    edge = layered.chance(rng, 0.6, count) * layered.log_uniform(rng, 0.2, 3, count) * np.exp(
+        np.minimum((layered.ENERGY - gap) / layered.uniform(rng, 0.025, 0.07, count), 0))
+    tint = layered.chance(rng, 0.5, count) * dyes(rng, count, 0.3)
     return dirt + yellow + edge + tint + 1e-4
 
 
@@ -67,20 +58,20 @@ DARK = 0.02     # reflectance below which a measured K / S says more of the surf
 
 def pigment_mixtures(rng: np.random.Generator, count: int, pigments: np.ndarray) -> np.ndarray:
     """Reflectances (count, 61) of mixtures of measured pigments (n, 61) with white and black."""
-    measured = absorption_of(np.clip(pigments, DARK, 1 - EDGE))
+    measured = layered.absorption_of(np.clip(pigments, DARK, 1 - EDGE))
     strength = measured / measured.max(axis=1, keepdims=True)
 
     def some() -> np.ndarray:
-        amount = log_uniform(rng, 0.02, 20, count)
+        amount = layered.log_uniform(rng, 0.02, 20, count)
         return np.asarray(amount * strength[rng.integers(len(strength), size=count)])
 
-    total = some() + chance(rng, 0.5, count) * some()
-    total += chance(rng, 0.7, count) * log_uniform(rng, 0.05, 1, count) * rutile_absorption(rng,
-                                                                                           count)
-    total += chance(rng, 0.3, count) * log_uniform(rng, 0.01, 3, count) * (
+    total = some() + layered.chance(rng, 0.5, count) * some()
+    total += layered.chance(rng, 0.7, count) * layered.log_uniform(
+        rng, 0.05, 1, count) * rutile_absorption(rng, count)
+    total += layered.chance(rng, 0.3, count) * layered.log_uniform(rng, 0.01, 3, count) * (
         PRIOR_GRID.nm / 550)**-0.3
-    inside = reflectance_of(total + uniform(rng, 0.001, 0.02, count))
-    gloss = chance(rng, 0.5, count) * uniform(rng, -0.02, 0.04, count)
+    inside = layered.reflectance_of(total + layered.uniform(rng, 0.001, 0.02, count))
+    gloss = layered.chance(rng, 0.5, count) * layered.uniform(rng, -0.02, 0.04, count)
     return np.maximum((1 - gloss) * inside + gloss, EDGE)
 
 
@@ -113,21 +104,23 @@ THREE_NM = ((380, 455), (485, 550), (570, 660))     # of a yellow, a red and a b
 
 def textile(rng: np.random.Generator, count: int) -> np.ndarray:
     """Reflectances (count, 61) of dyed cloth, leather and yarn."""
-    white = uniform(rng, 0.55, 0.92, count)
-    yellowed = 1 - uniform(rng, 0, 0.35, count) * np.exp(
-        -(PRIOR_GRID.nm - 400) / uniform(rng, 40, 90, count))
+    white = layered.uniform(rng, 0.55, 0.92, count)
+    yellowed = 1 - layered.uniform(rng, 0, 0.35, count) * np.exp(
+        -(PRIOR_GRID.nm - 400) / layered.uniform(rng, 40, 90, count))
     ground = white * yellowed * ultraviolet_edge(rng, 370, 400, count)
-    body = reflectance_of(absorption_of(ground) + dyes(rng, count, 15))
-    return (1 - uniform(rng, 0, 0.03, count)) * body + uniform(rng, 0, 0.04, count)
+    body = layered.reflectance_of(layered.absorption_of(ground) + dyes(rng, count, 15))
+    return (1 - layered.uniform(rng, 0, 0.03, count)) * body + layered.uniform(rng, 0, 0.04, count)
 
 
 def plastic(rng: np.random.Generator, count: int) -> np.ndarray:
     """Reflectances (count, 61) of coloured plastic, lacquer and painted metal."""
-    rutile = rutile_absorption(rng, count) * log_uniform(rng, 0.02, 1, count)
-    black = chance(rng, 0.4, count) * log_uniform(rng, 0.01, 2, count) * (PRIOR_GRID.nm / 550)**-0.3
-    body = reflectance_of(rutile + black + dyes(rng, count, 8) + uniform(rng, 0.003, 0.03, count))
-    entering = uniform(rng, 0, 0.045, count)
-    return behind_surface(body, entering, uniform(rng, 0.3, 0.6, count))
+    rutile = rutile_absorption(rng, count) * layered.log_uniform(rng, 0.02, 1, count)
+    black = layered.chance(rng, 0.4, count) * layered.log_uniform(
+        rng, 0.01, 2, count) * (PRIOR_GRID.nm / 550)**-0.3
+    body = layered.reflectance_of(rutile + black + dyes(rng, count, 8)
+                                  + layered.uniform(rng, 0.003, 0.03, count))
+    entering = layered.uniform(rng, 0, 0.045, count)
+    return layered.behind_surface(body, entering, layered.uniform(rng, 0.3, 0.6, count))
 
 
 def dyes(rng: np.random.Generator, count: int, strongest: float) -> np.ndarray:
@@ -136,39 +129,43 @@ def dyes(rng: np.random.Generator, count: int, strongest: float) -> np.ndarray:
     three = number == len(DYES) - 1
     total = np.zeros((count, PRIOR_GRID.nm.size))
     for peak_nm in THREE_NM:
-        total += three * log_uniform(rng, 0.03, strongest, count) * _dye(rng, count, *peak_nm)
+        total += three * layered.log_uniform(rng, 0.03, strongest, count) * _dye(
+            rng, count, *peak_nm)
     for index in range(len(DYES) - 1):
         present = ~three & (index <= number)
-        total += present * log_uniform(rng, 0.03, strongest, count) * _dye(rng, count, *ANY_NM)
+        total += present * layered.log_uniform(rng, 0.03, strongest, count) * _dye(
+            rng, count, *ANY_NM)
     return total
 
 
 def _dye(rng: np.random.Generator, count: int, low_nm: float, high_nm: float) -> np.ndarray:
     """Absorption (count, 61) of dyes whose first band has the height 1, between two wavelengths."""
     sharp = rng.random((count, 1)) < SHARP
-    peak_nm = np.where(sharp, uniform(rng, max(low_nm, 470), max(high_nm, 480), count),
-                       uniform(rng, low_nm, high_nm, count))
-    width = np.where(sharp, uniform(rng, 0.06, 0.12, count), uniform(rng, 0.13, 0.25, count))
-    vibration = np.where(sharp, uniform(rng, 0.2, 0.8, count), uniform(rng, 0, 0.5, count))
-    peak = EV_NM / peak_nm
-    shoulder = vibration * band(peak + uniform(rng, 0.14, 0.19, count), 1.1 * width)
-    second = chance(rng, 0.5, count) * uniform(rng, 0, 0.6, count) * band(
-        peak + uniform(rng, 0.5, 1.3, count), 1.5 * np.maximum(width, 0.12))
-    return band(peak, width, uniform(rng, 0, 0.6, count)) + shoulder + second
+    peak_nm = np.where(sharp, layered.uniform(rng, max(low_nm, 470), max(high_nm, 480), count),
+                       layered.uniform(rng, low_nm, high_nm, count))
+    width = np.where(sharp, layered.uniform(rng, 0.06, 0.12, count),
+                     layered.uniform(rng, 0.13, 0.25, count))
+    vibration = np.where(sharp, layered.uniform(rng, 0.2, 0.8, count),
+                         layered.uniform(rng, 0, 0.5, count))
+    peak = layered.EV_NM / peak_nm
+    shoulder = vibration * layered.band(peak + layered.uniform(rng, 0.14, 0.19, count), 1.1 * width)
+    second = layered.chance(rng, 0.5, count) * layered.uniform(rng, 0, 0.6, count) * layered.band(
+        peak + layered.uniform(rng, 0.5, 1.3, count), 1.5 * np.maximum(width, 0.12))
+    return layered.band(peak, width, layered.uniform(rng, 0, 0.6, count)) + shoulder + second
 
 
 def ultraviolet_edge(rng: np.random.Generator, low_nm: float, high_nm: float,
                      count: int) -> np.ndarray:
     """Factor (count, 61) by which six in ten grounds fall off towards the ultraviolet."""
-    edge = 1 / (1 + np.exp(-(PRIOR_GRID.nm - uniform(rng, low_nm, high_nm, count))
-                           / uniform(rng, 4, 14, count)))
-    return 1 - chance(rng, 0.6, count) * uniform(rng, 0.4, 0.9, count) * (1 - edge)
+    edge = 1 / (1 + np.exp(-(PRIOR_GRID.nm - layered.uniform(rng, low_nm, high_nm, count))
+                           / layered.uniform(rng, 4, 14, count)))
+    return 1 - layered.chance(rng, 0.6, count) * layered.uniform(rng, 0.4, 0.9, count) * (1 - edge)
 
 
 def rutile_absorption(rng: np.random.Generator, count: int) -> np.ndarray:
     """K / S (count, 61) of rutile: Urbach's exponential tail below its gap of 3.0 eV, at most 3."""
-    gap, tail = uniform(rng, 2.98, 3.08, count), uniform(rng, 0.025, 0.06, count)
-    return 3 * np.exp(np.minimum((ENERGY - gap) / tail, 0))
+    gap, tail = layered.uniform(rng, 2.98, 3.08, count), layered.uniform(rng, 0.025, 0.06, count)
+    return 3 * np.exp(np.minimum((layered.ENERGY - gap) / tail, 0))
 
 
 # ---- paper ---------------------------------------------------------------------------------------
@@ -198,19 +195,19 @@ DENSEST = ((1.2, 2.6), (1.2, 2.6), (1.0, 2.4), (2.0, 4.5))
 
 def paper(rng: np.random.Generator, count: int) -> np.ndarray:
     """Reflectances (count, 61) of printed and dyed paper and board."""
-    ground = uniform(rng, 0.7, 0.94, count) * ultraviolet_edge(rng, 365, 405, count)
-    dyed = reflectance_of(absorption_of(ground) + dyes(rng, count, 6))
+    ground = layered.uniform(rng, 0.7, 0.94, count) * ultraviolet_edge(rng, 365, 405, count)
+    dyed = layered.reflectance_of(layered.absorption_of(ground) + dyes(rng, count, 6))
     printed = ground * halftone(rng, count)
     sheet = np.where(rng.random((count, 1)) < HALFTONES, printed, dyed)
-    return sheet * (1 - uniform(rng, 0, 0.03, count)) + uniform(rng, 0, 0.04, count)
+    return sheet * (1 - layered.uniform(rng, 0, 0.03, count)) + layered.uniform(rng, 0, 0.04, count)
 
 
 def halftone(rng: np.random.Generator, count: int) -> np.ndarray:
     """Reflectance (count, 61), relative to bare paper, of halftones of four inks."""
-    solids = [np.exp(-absorption * uniform(rng, *densest, count))
+    solids = [np.exp(-absorption * layered.uniform(rng, *densest, count))
               for absorption, densest in zip(_inks(rng, count), DENSEST, strict=True)]
-    covered = [rng.beta(0.7, 0.9, (count, 1)) * chance(rng, used, count) for used in USED]
-    spread = uniform(rng, 1, 3, count)
+    covered = [rng.beta(0.7, 0.9, (count, 1)) * layered.chance(rng, used, count) for used in USED]
+    spread = layered.uniform(rng, 1, 3, count)
     total = np.zeros((count, PRIOR_GRID.nm.size))
     for overprint in product((False, True), repeat=len(solids)):
         share, passed = np.ones((count, 1)), np.ones((count, PRIOR_GRID.nm.size))
@@ -224,15 +221,15 @@ def halftone(rng: np.random.Generator, count: int) -> np.ndarray:
 def _inks(rng: np.random.Generator, count: int) -> tuple[np.ndarray, ...]:
     """Absorption (count, 61) of cyan, magenta, yellow and black, about 1 at their peaks."""
     def some(low: float, high: float) -> np.ndarray:
-        return uniform(rng, low, high, count)
+        return layered.uniform(rng, low, high, count)
 
-    cyan = (band(EV_NM / some(672, 700), some(0.09, 0.13))
-            + some(0.75, 1.1) * band(EV_NM / some(608, 628), some(0.10, 0.15))
-            + some(0, 0.15) * band(EV_NM / some(340, 370), 0.35))
-    magenta = (band(EV_NM / some(560, 578), some(0.06, 0.1))
-               + some(0.7, 1.05) * band(EV_NM / some(525, 540), some(0.1, 0.15))
-               + some(0.3, 0.6) * band(EV_NM / some(490, 505), some(0.15, 0.25))
-               + some(0.05, 0.3) * band(EV_NM / some(380, 410), 0.3))
-    yellow = (band(EV_NM / some(425, 445), some(0.16, 0.24))
-              + some(0.5, 1) * band(EV_NM / some(385, 410), some(0.2, 0.3)))
+    cyan = (layered.band(layered.EV_NM / some(672, 700), some(0.09, 0.13))
+            + some(0.75, 1.1) * layered.band(layered.EV_NM / some(608, 628), some(0.10, 0.15))
+            + some(0, 0.15) * layered.band(layered.EV_NM / some(340, 370), 0.35))
+    magenta = (layered.band(layered.EV_NM / some(560, 578), some(0.06, 0.1))
+               + some(0.7, 1.05) * layered.band(layered.EV_NM / some(525, 540), some(0.1, 0.15))
+               + some(0.3, 0.6) * layered.band(layered.EV_NM / some(490, 505), some(0.15, 0.25))
+               + some(0.05, 0.3) * layered.band(layered.EV_NM / some(380, 410), 0.3))
+    yellow = (layered.band(layered.EV_NM / some(425, 445), some(0.16, 0.24))
+              + some(0.5, 1) * layered.band(layered.EV_NM / some(385, 410), some(0.2, 0.3)))
     return cyan, magenta, yellow, (PRIOR_GRID.nm / 550)**-some(-0.1, 0.5)

@@ -1,1 +1,0 @@
-"""Camera, light, field and glare estimated together from photos of a chart."""
