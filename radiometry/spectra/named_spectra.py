@@ -278,7 +278,8 @@ def spectrum_of_name(name: str, grid: WavelengthGrid) -> Spectrum:
     try:
         values = light(name, grid)
         published = published_tables.published_names(published_tables.LIGHTS)
-        return Spectrum(grid, values, Quantity.RELATIVE, f"CIE {known_name(name, published) or name}")
+        return Spectrum(grid, values, Quantity.RELATIVE,
+                        f"CIE {known_name(name, published) or name}")
     except InputError as error:
         raise InputError(f"{error}; a light may also be {light_words.UNKNOWN}, 3200K or one of "
                          f"{', '.join(light_words.LIGHT_KINDS)}") from None

@@ -32,7 +32,8 @@ def flat(
             metavar="PHOTO...", show_default=False,
             help="The samples, with a colour chart among them: "
             "camera raw or linear file. Further photos are of the same samples from the same "
-            "tripod, each with the chart and under another unknown light: every one adds its bands.")],
+            "tripod, each with the chart and under another unknown light: every one adds its "
+            "bands.")],
     also: Annotated[
         tuple[str, ...],
         typer.Option(
@@ -40,8 +41,8 @@ def flat(
             help="A further photo under a light or through a filter of which "
             "something is known: filter:FILE or filter:unknown (before the first photo's light), "
             "light:LIGHT as of --light, same (the first photo's light), or moved (the first "
-            "photo's lamp in another place, which measures gloss, plane and shadow). May be repeated.")] = (
-            ),
+            "photo's lamp in another place, which measures gloss, plane and shadow). May be "
+            "repeated.")] = (),
     region: Annotated[
         tuple[str, ...],
         typer.Option(
