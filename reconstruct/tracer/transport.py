@@ -228,7 +228,8 @@ def require_memory(regions: int, products: int, passes: int, materials: int, bou
             f"the light transport of {regions} regions and {products} products of {materials} "
             f"reflectances ({interreflection.product_count(materials, bounces)} before pruning) "
             f"needs {needed / 2**30:.1f} GiB, more than the "
-            f"{most / 2**30:.{most < MAX_BYTES:d}f} GiB {whose} [reconstruct] width or the scene's max_depth")
+            f"{most / 2**30:.{most < MAX_BYTES:d}f} GiB {whose} [reconstruct] width or the "
+            "scene's max_depth")
 
 
 def memory_of(regions: int, products: int, passes: int) -> int:
