@@ -25,6 +25,7 @@ from spectrabox.radiometry.error_model import ROUNDED_EXPOSURES
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.records.photos import RegionSamples
 from spectrabox.radiometry.records.spectra import Quantity
+from spectrabox.radiometry.spectra.given_spectra import as_known
 from spectrabox.radiometry.spectra.spectrum_files import read_spectrum, table_text
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
@@ -271,6 +272,8 @@ def test_a_card_in_per_cent_is_asked_back_or_understood(tmp_path):
     assert known_file("94%", "card", _spectra(tmp_path)) == known_file("0.94", "card", tmp_path)
     even = read_spectrum(tmp_path / known_file("0.94", "card", tmp_path), role=Quantity.REFLECTANCE)
     assert error_of_known(even) == TYPED_ERROR      # a number is a statement
+    assert error_of_known(as_known(0.94, "card")) == TYPED_ERROR
+    assert error_of_known(as_known((0.94, 0.02), "card")) == pytest.approx(0.02 / 0.94, rel=0.05)
     typed = tmp_path / known_file("94% +- 2%", "card", tmp_path)
     assert error_of_known(read_spectrum(typed, role=Quantity.REFLECTANCE)) == pytest.approx(
         0.02 / 0.94, rel=0.05)

@@ -200,6 +200,23 @@ def test_a_chart_that_holds_less_than_its_familiar_colours_should_is_a_warning(i
     assert held_out_facts(patches, CLASSIC.names)["expected_95"] == pytest.approx(0.99)
 
 
+@pytest.mark.parametrize("tilt, code, severity", [
+    (0.02, "patches.colours", Severity.INFO), (0.10, "patches.colours-off", Severity.WARN)])
+def test_patches_whose_colours_are_off_on_the_mean_are_a_warning(tilt, code, severity):
+    patches = left_out(1.0, 0.99)
+    # redder or bluer from patch to patch; saturated ones do not count
+    sides = np.resize([-1.0, 1.0], 24)[:, None] * np.linspace(-1, 1, 61)
+    patches = dataclasses.replace(patches, mean=patches.reference * (1 + tilt * sides))
+    found = chart_findings.colours(patches)
+    assert (found.code, found.severity) == (code, severity)
+    assert found.values["value"] == pytest.approx(
+        np.mean(chart_findings.patch_differences(patches)))
+    judged = np.arange(24) > 0
+    odd = dataclasses.replace(patches, mean=np.where(judged[:, None], patches.mean, 0.9),
+                              saturated=~judged)
+    assert chart_findings.colours(odd).code == code
+
+
 @pytest.mark.parametrize("brighter, colour, code", [
     ({}, {}, None),
     ({18: -0.05}, {}, None),                        # an error and a half: chance

@@ -216,6 +216,10 @@ def test_a_signal_unlike_what_the_prior_knows_is_said_where_the_material_is_show
     said = texts.sentence(Outcome.UNFAMILIAR.finding())
     assert f'<p class="doubt">{said}</p>' in card
     assert '<p class="doubt"' not in card_of(page, 2)
+    # saturated colours are unlike in faultless photos, and their bands allow for it
+    before, after = (one.found.verdict for one in (results, with_found(results, surfaces=surfaces)))
+    assert before.severity is after.severity
+    assert [one.subject for one in after.findings if one.code == "draws.unfamiliar"] == [first.name]
 
 
 def test_how_a_family_was_certified_is_said_once_and_marked_where_the_material_is_shown(tmp_path):
