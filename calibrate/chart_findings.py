@@ -192,6 +192,9 @@ def at_fault(patches: HeldOutPatches, names: Sequence[str], light: str = "") -> 
     """What is wrong with the chart itself: patches whose level or colour is not what the others
     make of it, by more than chance; nothing where none is but those that were kept out of the fit.
 
+    A colour alone is no evidence: under a stated light those of faultless copies are off by as much
+    as those of soiled ones.
+
     Parameters
     ----------
     patches : HeldOutPatches
@@ -205,11 +208,12 @@ def at_fault(patches: HeldOutPatches, names: Sequence[str], light: str = "") -> 
     if not named:
         return []
     values = {"patches": [patch_reason(patches, patch, names) for patch in named], "light": light}
+    code = "patches.unlike-reference"
     if all(level[patch] and _brighter(patches, patch)[0] > 0 for patch in named):
-        return [Finding("patches.glare", Severity.WARN, values=values)]
-    if light and colour.any():
-        return [Finding("patches.unlike-reference-or-light", Severity.WARN, values=values)]
-    return [Finding("patches.unlike-reference", Severity.WARN, values=values)]
+        code = "patches.glare"
+    elif light and colour.any():
+        code = "patches.unlike-reference-or-light"
+    return [Finding(code, Severity.WARN if level.any() else Severity.NOTE, values=values)]
 
 
 def poor_patches(patches: HeldOutPatches, names: Sequence[str]) -> list[dict[str, Any]]:

@@ -231,6 +231,9 @@ def test_a_chart_at_fault_is_told_from_glare_on_it(brighter, colour, code):
                                   brighter_error=np.full(24, 0.03), colour_chance=chance)
     found = chart_findings.at_fault(patches, CLASSIC.names)
     assert [one.code for one in found] == ([code] if code else [])
+    # a colour alone is no evidence
+    assert [one.severity for one in found] == ([] if code is None else [
+        Severity.WARN if brighter else Severity.NOTE])
     named = sorted([*brighter, *colour]) if code else []
     for one in found:
         assert [row["patch"] for row in one.values["patches"]] == [
