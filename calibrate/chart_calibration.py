@@ -156,6 +156,8 @@ def _calibrated(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Waveleng
     # products with an unknown light are no curves that a matrix could be held against
     if fitted.light is None:
         findings += doubts.colour_matrix(first.samples.camera_from_xyz, fit.curves, grid)
+    if fitted.prior_fit is not None:
+        findings = doubts.told_apart(findings, fitted.prior_fit, fitted.used, fitted.evidence)
 
     calibration = Calibration(fit, light, None if first.irradiance is None else scale, covariance,
                               tuple(findings), fitted.light,
@@ -183,6 +185,7 @@ class _Fitted(NamedTuple):
     of_light: tuple[Finding, ...] = ()
     departures: tuple[LightDeparture, ...] = ()
     evidence: tuple[doubts.LightEvidence, ...] = ()
+    used: tuple[ChartEquations, ...] = ()
 
 
 def _require_usable(photos: Sequence[chart_photo.ChartPhoto], chosen: CalibrationOptions) -> None:
@@ -260,7 +263,8 @@ def _with_prior(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Waveleng
     return _Fitted(replace(fit.sensitivity, residuals=residuals, held_out_residuals=held_out),
                    replace(fit.photos[0].light_scale, residuals=residuals), predicted, held_out,
                    without, joint_estimate.without_suspects(photos, cameras, grid, without),
-                   tuple(of_fit), fit, light, tuple(of_light), departures, evidence)
+                   tuple(of_fit), fit, light, tuple(of_light), departures, evidence,
+                   tuple(used))
 
 
 def evidence_on_lights(photos: Sequence[chart_photo.ChartPhoto], used: list[ChartEquations],

@@ -164,8 +164,8 @@ def require_usable(signal: np.ndarray, filtered: bool = False) -> None:
     if bad.size:
         raise errors.CalibrationError(
             f"patch {bad[0] + 1} has no positive signal in every band; check "
-            "the black level of the photo, and that each column of a table of "
-            "patches is a band")
+            "the black level of the photo, that no converter computed its colours with a "
+            "matrix, and that each column of a table of patches is a band")
     balanced = signal / signal.mean(axis=0)
     for second, first in combinations(range(signal.shape[1]), 2):
         if np.std(balanced[:, first] / balanced[:, second]) < ALIKE:

@@ -28,7 +28,7 @@ from typing import Annotated
 
 import numpy as np
 
-from spectrabox.calibrate.chart_equations import ChartEquations
+from spectrabox.calibrate.chart_equations import COLOURS, ChartEquations
 from spectrabox.calibrate.chart_photo import disagreement_of_bands
 from spectrabox.calibrate.colour_drift import ColourDrift
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
@@ -36,6 +36,7 @@ from spectrabox.calibrate.prior.learnt_prior import UNLIKE
 from spectrabox.calibrate.products import product_fit, product_posterior
 from spectrabox.calibrate.products.lamps import Lamps, all_lamps, likeness, product_prior
 from spectrabox.calibrate.sensitivity import PriorFit
+from spectrabox.radiometry import chart_causes
 from spectrabox.radiometry.appearance import tristimulus
 from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.findings import Finding, Severity
@@ -52,6 +53,10 @@ CONTRADICTS = 7.0
 # ones exceed it (benchmarks/bench_light_kinds.py --probabilities)
 KIND_CONTRADICTS = 2.0
 SAYS_LITTLE = 0.5            # nats, either way
+UNDECIDED_CAUSE = "calibration.cause"
+# of white: how far the curves of a fit, which give a cause its part, are from what a band holds of
+# another
+MIXING_SD = 0.05
 NAMED_BANDS = 3              # at most, that disagree most
 UNKNOWN_KIND = 0             # of the stated lamp: no kind is asked for
 # Rows R, G, B; shares of each band's brightness.
@@ -247,3 +252,60 @@ def disagreeing_bands(signal: np.ndarray, held_out: np.ndarray,
     return Finding("calibration.bands-disagree", Severity.WARN, values={
         "bands": {band_names[band]: float(off[band]) for band in np.argsort(-off)[:NAMED_BANDS]},
         "median": float(np.median(off))})
+
+
+# ---- causes that compete -------------------------------------------------------------------------
+
+def told_apart(findings: Sequence[Finding], fit: PriorFit, photos: Sequence[ChartEquations],
+               evidence: Sequence[LightEvidence]) -> list[Finding]:
+    """Findings of a fit, of which those that name a cause stay where its rivals are excluded.
+
+    In place of the others comes one with the causes that are not. Of several photos the one decides
+    that the fit explains worst. Photos through a filter, in more bands than
+    three, or of a chart under known irradiance say too little or another thing: findings stay as
+    they are.
+
+    Parameters
+    ----------
+    findings : sequence of Finding
+    fit : PriorFit
+    photos : sequence of ChartEquations
+        That it was made from.
+    evidence : sequence of LightEvidence
+        On the lights of photos, as far as something is stated of them.
+    """
+    if not chart_causes.claims(findings):
+        return list(findings)
+    off = [np.sqrt(np.mean((1 - state.predicted / photo.signal) ** 2))
+           for photo, state in zip(photos, fit.photos, strict=True)]
+    worst = int(np.argmax(off))
+    state = fit.photos[worst]
+    found = ranking_of_photo(photos[worst], state.predicted, state.glare, state.field, evidence)
+    return list(findings) if found is None \
+        else chart_causes.settled(findings, found, UNDECIDED_CAUSE)
+
+
+def ranking_of_photo(photo: ChartEquations, predicted: np.ndarray, glare: np.ndarray,
+                     field: np.ndarray, evidence: Sequence[LightEvidence]
+                     ) -> chart_causes.Ranking | None:
+    """How well each cause explains a chart photo, by what a fit makes of it; None where the causes
+    are no model of it.
+
+    Parameters
+    ----------
+    photo : ChartEquations
+    predicted : (I, K) array
+        Signals of its patches, with ``glare`` (K,) and ``field`` (I,) in them.
+    glare, field
+        Of the fit.
+    evidence : sequence of LightEvidence
+        As of ``told_apart``.
+    """
+    if photo.filter is not None or photo.signal.shape[1] != COLOURS \
+            or photo.field_terms.shape[1] < 2:
+        return None
+    against = max((one.against for one in evidence), default=0.0)
+    return chart_causes.ranked(chart_causes.PatchSignals(
+        np.where(photo.readable, photo.signal, np.nan), (predicted - glare) / field[:, None],
+        np.sqrt(np.einsum("ikk->ik", photo.covariance)), photo.field_terms[:, :2], MIXING_SD),
+        {chart_causes.LIGHT: max(against, 0.0)})

@@ -92,6 +92,54 @@ def _chart_figures(values: Mapping[str, Any]) -> str:
             "patch.")
 
 
+# Each cause of what is wrong with a chart photo (``chart_causes``): in words, and what tells it.
+CAUSES: dict[str, tuple[str, str]] = {
+    "veil": ("veiling glare over the whole chart", "shade the lens from the sky and from lamps, "
+             "wipe it, and photograph again: a veil becomes less"),
+    "reflection": ("a reflection on some patches", "turn the chart or the lamp: a reflection "
+                   "moves"),
+    "uneven-light": ("light that falls off over the chart", "turn the chart by 180 degrees: the "
+                     "light stays as it is"),
+    "two-lights": ("two kinds of light", "switch one lamp off or keep daylight out: the colours "
+                   "no longer drift"),
+    "tone-curve": ("a tone curve in the file", "take the camera's raw file: it has none"),
+    "computed-colours": ("colours that a converter computed, with a matrix",
+                         "take the camera's raw file: no matrix is in it"),
+    "black-level": ("a wrong black level", "photograph with the lens covered: such a photo reads "
+                    "the black level"),
+    "colour-shading": ("a lens or sensor that shades each colour in its own way",
+                       "photograph a white card all over the picture as flat field: it has the "
+                       "same shading"),
+    "shadow-edge": ("the edge of a shadow over the chart", "look for what throws a shadow, and "
+                    "move it or the chart"),
+    "stated-light": ("another light than the one that was stated or supposed", "measure the light, "
+                     "or state it as \"unknown\""),
+    "chart-itself": ("patches that are soiled, faded or of another edition", "clean the chart, or "
+                     "measure its patches"),
+    "chance": ("chance", "photograph again: chance does not repeat"),
+}
+
+
+def _causes(values: Mapping[str, Any]) -> str:
+    """What the patches of a photo allow for, where a finding names no single cause."""
+    named = [CAUSES[cause][0] for cause in values["causes"]]
+    either = f"{', '.join(named[:-1])} or {named[-1]}" if named[1:] else named[0]
+    alone = "its other causes do not explain it as well" if not named[1:] else \
+        "this photo does not tell which"
+    return f"The patches of the chart{values['where']} are off by {either}; {alone}."
+
+
+def _causes_told(values: Mapping[str, Any]) -> str:
+    """What tells the causes apart, or mends the one that is left."""
+    told = "; ".join(CAUSES[cause][1] for cause in values["causes"])
+    return ("To tell: " if values["causes"][1:] else "To mend it: ") + f"{told}."
+
+
+def _undecided(name: str) -> Text:
+    return Text(f"{name}{{where}}", _causes, _causes_told,
+                lambda values: " or ".join(values["causes"]), "no doubt")
+
+
 CHART: dict[str, Text] = {
     # where it is
     "chart.found-in-photo": Text("Chart", "The chart was found in the whole photo at {side_px} "
@@ -143,6 +191,7 @@ CHART: dict[str, Text] = {
         "Glare", "White light of up to {glare:percent} of the white patch lies on {names:listed}.",
         "Turn the chart or the lamp so that the chart does not mirror the lamp or a window.",
         "{glare:percent}", "{limit:percent0}"),
+    "chart.cause": _undecided("Light and file of the chart photo"),
     "chart.glints": Text(
         "Dust and glints", "{excluded:percent0} of the samples of {patch} stand out, as dust or "
         "glints do; at most {limit:percent0} is accepted.",
@@ -385,6 +434,7 @@ CALIBRATION: dict[str, Text] = {
         "Veiling glare on the chart", "Haze or glare of {veil:percent0} of the brightest patch "
         "veils the chart{where}: it was estimated and taken off, but a veil is seldom the same all "
         "over a photo.", "Shade the lens, wipe it, and photograph again."),
+    "calibration.cause": _undecided("Cause of what is wrong with the chart photo"),
     "calibration.like-cameras": _no_doubt(
         "Calibration like that of measured cameras",
         "The curves{where} are like those of measured cameras."),

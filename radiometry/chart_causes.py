@@ -1,0 +1,427 @@
+"""Which cause explains what is wrong with a chart photo: causes compete, and rivals are named.
+
+Several causes leave much the same on the patches: glare, a tone curve and a black level lift dark
+patches, uneven light and a shadow darken one side. Each cause is a small model of the signals,
+
+    signal(i, k) = cause(exp(field(i)) sum_b expected(i, b) mixing(b, k)) + glare(k),
+
+with a field, a mixing of the bands and a little glare that every photo has, and parameters of its
+own with a normal prior. Signals err by parts of their own in every band and by parts that a patch's
+bands share, of sizes that are not known. The evidence is the integral over all of these: the model
+is linearised about its most probable parameters (Laplace's approximation) [Bishop 2006, Sec. 4.4],
+and the sizes of the errors are summed over. A model with more freedom pays for it by its prior. A
+cause is named when it beats every other by ``MARGIN`` nats; the others within it are named beside
+it.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from scipy.special import logsumexp
+
+from spectrabox.radiometry.findings import Finding, Severity, worst
+from spectrabox.radiometry.shaped import Record
+
+VEIL, REFLECTION, UNEVEN, TWO_LIGHTS = "veil", "reflection", "uneven-light", "two-lights"
+TONE, COMPUTED, BLACK, SHADING = "tone-curve", "computed-colours", "black-level", "colour-shading"
+SHADOW, LIGHT, CHART = "shadow-edge", "stated-light", "chart-itself"
+CHANCE = "chance"       # an ordinary photo
+CAUSES = (VEIL, REFLECTION, UNEVEN, TWO_LIGHTS, TONE, COMPUTED, BLACK, SHADING, SHADOW, LIGHT,
+          CHART)
+
+# the cause that a finding names
+CLAIMS = {"chart.veiled": VEIL, "chart.glare": REFLECTION, "chart.uneven-light": UNEVEN,
+          "calibration.veil": VEIL, "light.two-kinds": TWO_LIGHTS, "light.contradicted": LIGHT}
+
+MARGIN = 3.0            # nats by which a cause that is named beats its rivals
+MOST_NAMED = 3          # causes that are named together
+
+# beforehand, standard deviations: of the log gain of a band, of what a band holds of another, of
+# each term of the log light over the chart (linear and quadratic, a term spans the chart), and of
+# the glare that every lens has, in shares of white
+GAIN_SD, FIELD_SD, GLARE_SD = 0.5, 0.06, 0.005
+# what a matrix from a camera's bands to Rec.709 takes of each band's neighbour, its standard
+# deviation, and that of what it takes of the other band
+MATRIX = (-0.4, 0.3, 0.15)
+OWN_ERRORS = (0.004, 0.008, 0.016, 0.032, 0.064)        # relative, of each band of a patch
+COMMON_ERRORS = (0.004, 0.012, 0.03)                    # relative, of all bands of a patch
+FIRST_OWN, FIRST_COMMON = 0.016, 0.012                  # about which models are linearised
+OWN_DARK, COMMON_DARK = 0.1, 0.03       # of the brightest patch: below it errors are no longer so
+RARE_PATCH = -5.0       # log odds that a patch is soiled, or mirrors something
+MOST_PATCHES = 6        # of which that is supposed
+CANDIDATES = 6          # lines of a shadow and places of a reflection that are looked at closely
+PENUMBRA = 0.25         # of the distance of two patches
+STEPS, SMALL = 8, 1e-4  # of Gauss and Newton; of a derivative
+
+
+@dataclass(frozen=True, eq=False)
+class PatchSignals(Record):
+    """What the causes are told from: I patches in K bands."""
+
+    signal: Annotated[np.ndarray, "I K"]
+    # of an ordinary photo, of any scale in each band; all patches under one light
+    expected: Annotated[np.ndarray, "I K"]
+    error: Annotated[np.ndarray, "I K"]             # of the mean signal, by the pixels' noise
+    positions: Annotated[np.ndarray, "I 2"]         # on the chart, any unit
+    mixing_sd: float                                # of a band's share of another, by the camera
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """Log evidence (nats) of each cause above that of an ordinary photo, the likeliest first."""
+
+    nats: Mapping[str, float]
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """The likeliest cause, and with it those that the data do not exclude."""
+        best = max(self.nats.values())
+        return tuple(cause for cause, nats in self.nats.items() if nats > best - MARGIN
+                     )[:MOST_NAMED]
+
+
+Change = Callable[[np.ndarray, np.ndarray], np.ndarray]   # (signals, parameters) -> signals
+
+
+@dataclass(frozen=True, eq=False)
+class _Model:
+    """One way in which a cause changes signals, whose white is 1 in each band."""
+
+    change: Change
+    sd: np.ndarray                      # of its parameters beforehand
+    mean: np.ndarray | None = None      # of the same; None: 0
+    log_prior: float = 0.0
+    mixing: float = 0.0                         # sd of further mixing of the bands
+    matrix: bool = False                        # to a narrower colour space, see ``MATRIX``
+    field_sd: float = 0.0                       # of a further field
+
+
+def ranked(patches: PatchSignals, known: Mapping[str, float] | None = None) -> Ranking:
+    """How well each cause explains the signals of a chart.
+
+    Parameters
+    ----------
+    patches : PatchSignals
+    known : mapping, optional
+        Further nats for a cause by evidence of another kind.
+    """
+    usable = np.isfinite(patches.signal).all(axis=1) & (patches.expected > 0).all(axis=1)
+    chart = _Chart(patches, usable)
+    ordinary = chart.evidence(_Model(lambda signal, _: signal, np.zeros(0)))
+    found = {cause: _evidence(chart, models) - ordinary
+             for cause, models in _models(chart).items()}
+    for cause, nats in (known or {}).items():
+        found[cause] = max(found.get(cause, 0.0), 0.0) + nats
+    found[CHANCE] = 0.0
+    return Ranking(dict(sorted(found.items(), key=lambda one: -one[1])))
+
+
+def claims(findings: Iterable[Finding]) -> bool:
+    """Whether any finding names a cause of something that is not as it should be.
+
+    Parameters
+    ----------
+    findings : iterable of Finding
+    """
+    return any(one.code in CLAIMS and one.severity is not Severity.INFO for one in findings)
+
+
+def settled(findings: Iterable[Finding], ranking: Ranking, code: str) -> list[Finding]:
+    """Findings of a chart photo, of which those that name a cause stay where its rivals are
+    excluded; in place of the others comes one with the causes that are not.
+
+    Parameters
+    ----------
+    findings : iterable of Finding
+    ranking : Ranking
+        Of the photo that they are about.
+    code : str
+        Of the finding that takes their place: its values have ``causes``, the likeliest first, and
+        ``doubts``, the values of each finding that it replaces by its code.
+    """
+    named = ranking.named
+    kept: list[Finding] = []
+    doubts: list[Finding] = []
+    for one in findings:
+        cause = CLAIMS.get(one.code)
+        # that a light is contradicted says itself what else may be
+        right = named == (cause,) or (cause == LIGHT and LIGHT in named)
+        (doubts if claims([one]) and not right else kept).append(one)
+    if not doubts:
+        return kept
+    causes = list(named)
+    if causes == [CHANCE]:
+        causes = [CLAIMS[doubts[0].code], CHANCE]
+    return [*kept, Finding(code, worst(doubts), doubts[0].subject, {
+        "causes": causes, "doubts": {one.code: dict(one.values) for one in doubts}})]
+
+
+def _evidence(chart: _Chart, models: Iterable[_Model]) -> float:
+    """Of a cause that takes one of several forms."""
+    return float(logsumexp([chart.evidence(model) + model.log_prior for model in models]))
+
+
+# ---- the causes ----------------------------------------------------------------------------------
+
+def _models(chart: _Chart) -> dict[str, list[_Model]]:
+    """The forms of each cause."""
+    bands, field = chart.bands, chart.field
+    plane, contrasts = field[:, :2], chart.contrasts
+    drifts = np.einsum("ia,kc->ikac", plane, contrasts).reshape(*chart.shape, -1)
+    # of a lens: by the square of the distance from the middle of a photo in which the chart lies
+    # anywhere
+    square = np.sum(chart.plane**2, axis=1)
+    lens = np.column_stack([(square - square.mean()) / square.std(), plane])
+    curved = np.einsum("ia,kc->ikac", lens, contrasts).reshape(*chart.shape, -1)
+    curved_sd = np.repeat([0.03, 0.05, 0.05], contrasts.shape[1])
+
+    def even(signal: np.ndarray, by: np.ndarray) -> np.ndarray:
+        return signal + by[0] ** 2 * (1 + by[1:])
+
+    def curve(signal: np.ndarray, by: np.ndarray) -> np.ndarray:
+        return np.sign(signal) * np.maximum(np.abs(signal), 1e-4) ** np.exp(by[0])
+
+    return {
+        # some veils are coloured by what they come from
+        VEIL: [_Model(even, np.r_[0.15, np.full(bands, 0.15)], np.r_[0.25, np.zeros(bands)])],
+        UNEVEN: [_Model(lambda signal, _: signal, np.zeros(0), field_sd=0.25)],
+        TWO_LIGHTS: [_Model(lambda signal, by: signal * np.exp(drifts @ by),
+                            np.full(drifts.shape[2], 0.1), field_sd=0.1)],
+        SHADING: [_Model(lambda signal, by: signal * np.exp(curved @ by), curved_sd,
+                         field_sd=0.1)],
+        TONE: [_Model(curve, np.array([0.15]), np.array([np.log(power)]), np.log(1 / 3))
+               for power in (0.45, 0.6, 0.8)],
+        COMPUTED: [_Model(lambda signal, _: signal, np.zeros(0), matrix=True)],
+        LIGHT: [_Model(lambda signal, _: signal, np.zeros(0), mixing=0.25)],
+        BLACK: _black_levels(chart),
+        SHADOW: _shadows(chart), REFLECTION: _reflections(chart), CHART: _soiled(chart)}
+
+
+def _black_levels(chart: _Chart) -> list[_Model]:
+    """One level in all bands, in shares of the brightest, or one of each band."""
+    share = chart.white.max() / chart.white
+    return [_Model(lambda signal, by: signal + by[0] * share * (1 + by[1:]),
+                   np.r_[0.06, np.full(chart.bands, 0.05)], log_prior=np.log(0.7)),
+            _Model(lambda signal, by: signal + by * share, np.full(chart.bands, 0.05),
+                   log_prior=np.log(0.3))]
+
+
+def _shadows(chart: _Chart) -> list[_Model]:
+    """Patches at one side of a line, the likeliest lines alone."""
+    sides = []
+    for angle in np.arange(8) * np.pi / 8:
+        along = chart.plane @ np.array([np.cos(angle), np.sin(angle)])
+        levels = np.unique(np.round(along, 6))
+        # between rows, and through them with a soft edge
+        sides += [along > cut for cut in (levels[1:] + levels[:-1]) / 2]
+        sides += [1 / (1 + np.exp((cut - along) / (PENUMBRA * chart.pitch))) for cut in levels]
+    masks = np.unique(np.round(np.array(sides, float), 3), axis=0)
+    within = masks.sum(axis=1)
+    masks = masks[(within > 1) & (within < len(chart.plane) - 1)]
+    best = chart.likeliest(np.repeat(masks[:, :, None], chart.bands, axis=2) * chart.start, 0.3)
+
+    def model(mask: np.ndarray) -> _Model:
+        # what lights the shadow is a little of another colour
+        return _Model(lambda signal, by: signal * np.exp(mask[:, None] * (by[0] + by[1:])),
+                      np.r_[0.35, np.full(chart.bands, 0.03)], log_prior=-np.log(len(masks)))
+    return [model(masks[one]) for one in best]
+
+
+def _reflections(chart: _Chart) -> list[_Model]:
+    """A round spot anywhere on the chart, or some patches that mirror something."""
+    spots = np.array([np.exp(-0.5 * np.sum((chart.plane - centre) ** 2, axis=1)
+                             / (width * chart.pitch) ** 2)
+                      for centre in chart.plane for width in (0.7, 1.2, 2.0)])
+    best = chart.likeliest(np.repeat(spots[:, :, None], chart.bands, axis=2), 0.15)
+
+    def model(spot: np.ndarray) -> _Model:
+        return _Model(lambda signal, by: signal + spot[:, None] * by[0] ** 2 * (1 + by[1:]),
+                      np.r_[0.2, np.full(chart.bands, 0.1)], np.r_[0.3, np.zeros(chart.bands)],
+                      -np.log(len(spots)) + np.log(0.5))
+
+    def mirrors(some: list[int]) -> _Model:
+        where = np.eye(chart.shape[0])[:, some]
+        return _Model(lambda signal, by: signal + (where @ by**2)[:, None],
+                      np.full(len(some), 0.2), np.full(len(some), 0.25),
+                      RARE_PATCH * len(some) + np.log(0.5))
+    lifts = np.repeat(np.eye(chart.shape[0])[:, :, None], chart.bands, axis=2)
+    return [*(model(spots[one]) for one in best),
+            *map(mirrors, chart.one_by_one(lifts, 0.1, positive=True))]
+
+
+def _soiled(chart: _Chart) -> list[_Model]:
+    """Some patches that are not as the chart's reference says, in level and colour."""
+    patches = chart.shape[0]
+
+    def model(some: list[int]) -> _Model:
+        where = np.eye(patches)[:, some]
+        return _Model(lambda signal, by: signal * np.exp(
+            where @ (by.reshape(len(some), -1)[:, :1] + by.reshape(len(some), -1)[:, 1:])),
+            np.tile(np.r_[0.2, np.full(chart.bands, 0.1)], len(some)),
+            log_prior=RARE_PATCH * len(some))
+    changes = np.repeat(np.eye(patches)[:, :, None], chart.bands, axis=2) * chart.start
+    return [model(some) for some in chart.one_by_one(changes, 0.2)]
+
+
+# ---- evidence ------------------------------------------------------------------------------------
+
+class _Chart:
+    """Signals with white at 1, what is expected of them, and the evidence of a model of both."""
+
+    def __init__(self, patches: PatchSignals, usable: np.ndarray) -> None:
+        signal, expected = patches.signal[usable], patches.expected[usable]
+        lightest = int(expected.sum(axis=1).argmax())
+        self.white = np.maximum(signal[lightest], 1e-3 * signal.max())
+        self.signal = signal / self.white
+        self.expected = expected / expected[lightest]
+        self.noise = (patches.error[usable] / self.white) ** 2
+        self.mixing_sd = patches.mixing_sd
+        self.shape, self.bands = signal.shape, signal.shape[1]
+        self.plane = (patches.positions[usable] - patches.positions[usable].mean(axis=0)) \
+            / patches.positions[usable].std(axis=0).max()
+        apart = np.linalg.norm(self.plane[:, None] - self.plane, axis=2)
+        self.pitch = float(np.median(np.sort(apart, axis=1)[:, 1]))
+        x, y = (self.plane / self.plane.std(axis=0)).T
+        terms = np.column_stack([x, y, x**2, y**2, x * y])
+        self.field = (terms - terms.mean(axis=0)) / terms.std(axis=0)
+        self.contrasts = np.linalg.svd(np.eye(self.bands) - 1 / self.bands)[0][:, :self.bands - 1]
+        ordinary = _Model(lambda signal, _: signal, np.zeros(0))
+        self.start = self.expected
+        state, residual, slopes = self._fitted(ordinary)
+        self.start = self._signal(ordinary, state)
+        self._rest, self._slopes, self._sd = residual, slopes, self._prior(ordinary)[1]
+
+    # the state: log gains, mixing off the diagonal, glare, field, the cause's own
+    def _prior(self, model: _Model) -> tuple[np.ndarray, np.ndarray]:
+        off = ~np.eye(self.bands, dtype=bool)
+        count = np.count_nonzero(off)
+        mean, further = np.zeros(count), np.full(count, model.mixing)
+        if model.matrix:
+            apart = np.abs(np.subtract.outer(np.arange(self.bands), np.arange(self.bands)))[off]
+            mean = np.where(apart == 1, MATRIX[0], 0.0)
+            further = np.where(apart == 1, MATRIX[1], MATRIX[2])
+        own = np.zeros(len(model.sd)) if model.mean is None else model.mean
+        return (np.r_[np.zeros(self.bands), mean, np.zeros(self.bands + self.field.shape[1]),
+                      own],
+                np.r_[np.full(self.bands, GAIN_SD),
+                      np.hypot(self.mixing_sd, further), np.full(self.bands, GLARE_SD),
+                      np.full(self.field.shape[1], np.hypot(FIELD_SD, model.field_sd)), model.sd])
+
+    def _signal(self, model: _Model, state: np.ndarray) -> np.ndarray:
+        bands, off = self.bands, ~np.eye(self.bands, dtype=bool)
+        mixing = np.eye(bands)
+        mixing[off] = state[bands:bands * bands]
+        mixing = mixing / np.where(np.abs(mixing.sum(axis=0)) < 0.2, 0.2, mixing.sum(axis=0))
+        at = bands * bands + bands
+        field = np.exp(self.field @ state[at:at + self.field.shape[1]])
+        bare = field[:, None] * (self.expected @ mixing)
+        return np.asarray(model.change(bare, state[at + self.field.shape[1]:])
+                          * np.exp(state[:bands]) + state[at - bands:at])
+
+    def _weights(self, own: float, common: float) -> tuple[np.ndarray, float]:
+        """Inverse covariance (I, K, K) of the signals, and the logarithm of its determinant."""
+        high = np.maximum(self.start, OWN_DARK), np.maximum(self.start, COMMON_DARK)
+        covariance = np.einsum("ik,kl->ikl", self.noise + (own * high[0]) ** 2, np.eye(self.bands))
+        covariance += common**2 * high[1][:, :, None] * high[1][:, None, :]
+        return np.linalg.inv(covariance), -float(np.linalg.slogdet(covariance)[1].sum())
+
+    def _fitted(self, model: _Model) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The likeliest state, residuals (I, K) from the signal at the state beforehand as the
+        linearised model has it, and derivatives (I, K, n).
+        """
+        mean, sd = self._prior(model)
+        weights, _ = self._weights(FIRST_OWN, FIRST_COMMON)
+        state = mean.copy()
+
+        def slopes_at(state: np.ndarray, signal: np.ndarray) -> np.ndarray:
+            slopes = np.empty((*self.shape, len(state)))
+            for one in range(len(state)):
+                moved = state.copy()
+                moved[one] += SMALL
+                slopes[..., one] = (self._signal(model, moved) - signal) / SMALL
+            return slopes
+
+        def cost(state: np.ndarray, signal: np.ndarray) -> float:
+            off = self.signal - signal
+            return float(np.einsum("ik,ikl,il", off, weights, off)
+                         + np.sum(((state - mean) / sd) ** 2))
+
+        signal = self._signal(model, state)
+        now = cost(state, signal)
+        for _ in range(STEPS):
+            slopes = slopes_at(state, signal)
+            pulled = np.einsum("ikn,ikl->iln", slopes, weights)
+            step = np.linalg.solve(
+                np.einsum("iln,ilm->nm", pulled, slopes) + np.diag(sd**-2),
+                np.einsum("iln,il->n", pulled, self.signal - signal) - (state - mean) / sd**2)
+            before = now
+            for _ in range(4):
+                tried = state + step
+                new = self._signal(model, tried)
+                if np.isfinite(new).all() and (then := cost(tried, new)) < now:
+                    state, signal, now = tried, new, then
+                    break
+                step = step / 3
+            if before - now < 0.01:
+                break
+        slopes = slopes_at(state, signal)
+        return state, self.signal - signal + slopes @ (state - mean), slopes
+
+    def evidence(self, model: _Model) -> float:
+        """Log evidence of the signals, up to a constant of theirs."""
+        _, residual, slopes = self._fitted(model)
+        sd = self._prior(model)[1]
+        return float(logsumexp([self._log_density(residual, slopes, sd, own, common)
+                                for own in OWN_ERRORS for common in COMMON_ERRORS])
+                     - np.log(len(OWN_ERRORS) * len(COMMON_ERRORS)))
+
+    def _log_density(self, residual: np.ndarray, slopes: np.ndarray, sd: np.ndarray, own: float,
+                     common: float) -> float:
+        weights, log_determinant = self._weights(own, common)
+        pulled = np.einsum("ikn,ikl->iln", slopes, weights)
+        precision = np.einsum("iln,ilm->nm", pulled, slopes) + np.diag(sd**-2)
+        moved = np.einsum("iln,il->n", pulled, residual)
+        chi_square = np.einsum("ik,ikl,il", residual, weights, residual) \
+            - moved @ np.linalg.solve(precision, moved)
+        return 0.5 * float(log_determinant - chi_square - np.linalg.slogdet(precision)[1]
+                           - 2 * np.log(sd).sum())
+
+    # ---- which of many forms to look at
+
+    def gains(self, effects: np.ndarray, sd: float, also: np.ndarray | None = None,
+              positive: bool = False) -> np.ndarray:
+        """Rough nats (n,) that effects (n, I, K) of a size explain, beside others (m, I, K)."""
+        weights, _ = self._weights(FIRST_OWN, FIRST_COMMON)
+        slopes, sizes = self._slopes, self._sd
+        if also is not None and len(also):
+            slopes = np.concatenate([slopes, np.moveaxis(also, 0, -1)], axis=2)
+            sizes = np.r_[sizes, np.full(len(also), sd)]
+        pulled = np.einsum("ikn,ikl->iln", slopes, weights)
+        precision = np.einsum("iln,ilm->nm", pulled, slopes) + np.diag(sizes**-2)
+        solved = np.linalg.solve(precision, np.einsum("iln,il->n", pulled, self._rest))
+        rest = np.einsum("ikl,il->ik", weights, self._rest - slopes @ solved)
+        score = np.einsum("nik,ik->n", effects, rest)
+        crossed = np.einsum("iln,mil->mn", pulled, effects)
+        size = np.einsum("nik,ikl,nil->n", effects, weights, effects) \
+            - np.einsum("mn,mn->m", crossed, np.linalg.solve(precision, crossed.T).T)
+        gain = score**2 / (size + sd**-2) / 2 - np.log1p(size * sd**2) / 2
+        return np.where(score > 0, gain, -np.inf) if positive else np.asarray(gain)
+
+    def likeliest(self, effects: np.ndarray, sd: float) -> list[int]:
+        """The effects (of n, I, K) that explain most by themselves."""
+        return list(np.argsort(-self.gains(effects, sd))[:CANDIDATES].tolist())
+
+    def one_by_one(self, effects: np.ndarray, sd: float, positive: bool = False
+                   ) -> list[list[int]]:
+        """Growing sets of effects, each with what explains most beside those before."""
+        chosen: list[int] = []
+        sets = []
+        for _ in range(min(MOST_PATCHES, len(effects) // 4)):
+            gain = self.gains(effects, sd, effects[chosen], positive)
+            gain[chosen] = -np.inf
+            chosen = [*chosen, int(gain.argmax())]
+            sets.append(chosen)
+        return sets
