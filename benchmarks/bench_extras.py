@@ -60,8 +60,8 @@ from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLig
 from spectrabox.radiometry.spectra.filters import stated_filter, unknown_filter
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
 from spectrabox.session.config.session_file import read_session
+from spectrabox.session.kept_stages import FinishedRun, load_finished
 from spectrabox.session.outputs.session_results import SessionResults
-from spectrabox.session.pipeline import FinishedRun, load_finished
 from spectrabox.session.report.page import render_report
 from spectrabox.session.terminal.command_line import to_json
 

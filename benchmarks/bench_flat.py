@@ -42,7 +42,8 @@ from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.sampling.prior.signal_posterior import sample_prior
 from spectrabox.sampling.summary import summarise
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pipeline import FinishedRun, run_stages
+from spectrabox.session.kept_stages import FinishedRun
+from spectrabox.session.pipeline import run_stages
 
 from benchmarks.bench_unknown_makers import makers_of, prior_without
 

@@ -35,7 +35,7 @@ from spectrabox.radiometry.chart import COPIES_SINCE_2014, chart_reflectances
 from spectrabox.radiometry.colour_science import upsampled
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
-from spectrabox.session.pipeline import FinishedRun
+from spectrabox.session.kept_stages import FinishedRun
 
 from benchmarks.bench_flat import KINDS, FlatCase, figures_of_case, flat_cases, summary
 

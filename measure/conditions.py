@@ -15,7 +15,8 @@ from spectrabox.calibrate.chart_findings import edition_told, evidence_since
 from spectrabox.measure import texts
 from spectrabox.measure.captured import Capture
 from spectrabox.measure.results.facts import Fact, columns, known_facts
-from spectrabox.measure.words import percent, text_table
+from spectrabox.measure.tables import text_table
+from spectrabox.measure.words import percent
 from spectrabox.radiometry import error_model
 from spectrabox.radiometry.appearance import reflectance_to_lab
 from spectrabox.radiometry.chart import COPIES_SINCE_2014

@@ -25,7 +25,7 @@ from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.spectra.cameras import known_camera
 from spectrabox.radiometry.system.archives import free_memory
 from spectrabox.reconstruct.scene.scene_file import SceneFile, require_same_shape
-from spectrabox.session import pipeline
+from spectrabox.session import kept_stages, pipeline
 from spectrabox.session.config.session_file import SessionConfig, try_read_session
 from spectrabox.session.store.record_files import load_stage
 
@@ -184,10 +184,10 @@ def _run_up_to_tracing(config: SessionConfig, device: str, shared: Path | None) 
     """Run the short stages as a run does, which then keeps them, and what the long ones ask before
     they begin; bytes that tracing will take, where something is left to trace.
     """
-    long = next(name for name in pipeline.stage_names(config) if name in LONG_STAGES)
+    long = next(name for name in kept_stages.stage_names(config) if name in LONG_STAGES)
     if load_stage(config.results_folder, long) is not None and any(
             state.name == long and state.state == "done"
-            for state in pipeline.stage_states(config)):
+            for state in kept_stages.stage_states(config)):
         return None
     finished = pipeline.run_stages(config, device=device, only=None, force=False,
                           progress=lambda stage, done, what: None, before=long, shared=shared)

@@ -1,6 +1,4 @@
 """A finished session replayed with known truths, and rendered under another light."""
-
-
 from __future__ import annotations
 
 from spectrabox.measure.captured import SceneCapture, require_scene
@@ -17,7 +15,7 @@ from spectrabox.radiometry.records.spectra import Progress
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
 from spectrabox.radiometry.spectra.named_spectra import sensitivities as named_observer
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
-from spectrabox.session import pipeline
+from spectrabox.session import kept_stages
 from spectrabox.session.config.session_file import SessionConfig
 
 NO_SCENE = ("a rehearsal traces the light of a scene, and this session has flat samples and no "
@@ -82,14 +80,15 @@ def _replayable(config: SessionConfig) -> tuple[SceneCapture, CaptureRecords]:
     """A finished session that a rehearsal can follow."""
     capture = require_scene(config.capture(), NO_SCENE)
     waiting = [
-        state.name for state in pipeline.stage_states(config) if state.state in ("stale", "missing")
+        state.name for state in kept_stages.stage_states(config)
+        if state.state in ("stale", "missing")
     ]
     if waiting:
         raise InputError(f"stage {waiting[0]!r} is not up to date: run 'spectrabox run' first")
     if config.sampling.method != "prior" or config.sampling.through != "surface":
         raise InputError("a rehearsal draws its truths from the learnt prior, one surface after "
                          "another: set [sampling] method = \"prior\" and through = \"surface\"")
-    finished = pipeline.load_finished(config)
+    finished = kept_stages.load_finished(config)
     joint = finished.records.reconstruct.joint
     if not any("transport" in view.engine or "bounce" in view.engine for view in joint.views):
         raise InputError("a rehearsal needs the light transport, and this session was solved by "
@@ -102,7 +101,7 @@ def _replayable(config: SessionConfig) -> tuple[SceneCapture, CaptureRecords]:
 OBSERVER = "CIE 1931 2 Degree Standard Observer"
 
 
-def relight(run: pipeline.FinishedRun, *, light: str | None, observer: str,
+def relight(run: kept_stages.FinishedRun, *, light: str | None, observer: str,
             size: tuple[int, int], spp: int, device: str) -> tuple[Relit, tuple[str, ...]]:
     """Render the scene with the means of the draws.
 

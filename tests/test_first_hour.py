@@ -3,7 +3,7 @@ import json
 
 import pytest
 
-from spectrabox.session.pipeline import stages_in_order
+from spectrabox.session.kept_stages import stages_in_order
 
 from tests.session_runs import call
 

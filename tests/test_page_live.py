@@ -16,9 +16,9 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.session.cli import app
 from spectrabox.session.commands.session import _folder_to_open
 from spectrabox.session.config.session_file import read_session
+from spectrabox.session.kept_stages import load_finished
 from spectrabox.session.page.marks import Mark, marked
 from spectrabox.session.page.start_page import StartPage
-from spectrabox.session.pipeline import load_finished
 
 from tests.session_runs import call
 

@@ -22,7 +22,7 @@ from spectrabox.session.cli import app
 from spectrabox.session.commands.session import _folder_to_open
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.flat.new_session import MARK, _digest, new_session, tables_without_regions
-from spectrabox.session.pipeline import load_finished
+from spectrabox.session.kept_stages import load_finished
 
 ORIENTATIONS = range(1, 9)
 AS_THE_SENSOR_SAW = {6: 8, 8: 6}        # what undoes a turn; the other six undo themselves

@@ -17,7 +17,7 @@ from spectrabox.radiometry.files import sha256_of
 from spectrabox.sampling.prior.mixture import load_prior, of_families, reflectance_moments
 from spectrabox.sampling.spectral_measurement import response_on, without_states
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pipeline import load_finished, stage_states
+from spectrabox.session.kept_stages import load_finished, stage_states
 
 from tests.session_runs import edit, run
 

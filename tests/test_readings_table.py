@@ -14,7 +14,7 @@ from spectrabox.radiometry.spectra.formats.delimited import metadata_path, metad
 from spectrabox.radiometry.spectra.spectrum_files import read_table
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pipeline import load_finished
+from spectrabox.session.kept_stages import load_finished
 
 NM = np.arange(400, 701, 2.5)
 NAMES = ["wall, left mean", 'door "A" upper', "tile #3; glossy", "=SUM(A1) mean", "Täfelung µ"]

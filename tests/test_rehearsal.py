@@ -14,7 +14,7 @@ from spectrabox.reconstruct.agreement import within_to_block
 from spectrabox.reconstruct.replay import Truth, _patterns, _photographed, replay, set_stage
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pipeline import load_finished
+from spectrabox.session.kept_stages import load_finished
 from spectrabox.session.replayed import rehearse
 from spectrabox.session.store.rehearsals import save_rehearsal, stored_rehearsal
 

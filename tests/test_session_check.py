@@ -14,7 +14,8 @@ from spectrabox.radiometry.system import archives as memory
 from spectrabox.reconstruct.tracer import transport
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pipeline import run_stages, stage_states
+from spectrabox.session.kept_stages import stage_states
+from spectrabox.session.pipeline import run_stages
 from spectrabox.session.problems import check_session
 
 

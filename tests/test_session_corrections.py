@@ -18,7 +18,8 @@ from spectrabox.measure.steps.inversion import scale_of_view
 from spectrabox.radiometry.error_model import REPEATABILITY
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pipeline import load_finished, run_stages
+from spectrabox.session.kept_stages import load_finished
+from spectrabox.session.pipeline import run_stages
 
 pytestmark = pytest.mark.usefixtures("light_as_stated")
 

@@ -13,7 +13,7 @@ from spectrabox.measure.captured import FlatCapture, InputFile, Sensitivity, Vie
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import UnknownLight
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pipeline import stage_states
+from spectrabox.session.kept_stages import stage_states
 from spectrabox.session.store import keys as keys_module
 from spectrabox.session.store.keys import InputFiles, input_files, step_keys
 

@@ -4,7 +4,7 @@ import shutil
 import pytest
 
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pipeline import stage_states
+from spectrabox.session.kept_stages import stage_states
 from spectrabox.session.store import keys
 
 STAGES = {"chart", "photo", "calibrate", "reconstruct", "sample"}

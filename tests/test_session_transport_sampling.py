@@ -13,7 +13,8 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.inverse_rendering import reconstruct_views
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pipeline import load_finished, run_stages
+from spectrabox.session.kept_stages import load_finished
+from spectrabox.session.pipeline import run_stages
 
 
 def through(folder, how, more=""):

@@ -34,7 +34,7 @@ from spectrabox.reconstruct.rendering.renderer import (
 from spectrabox.reconstruct.scene.edit_scene import with_light_moved
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pipeline import load_finished
+from spectrabox.session.kept_stages import load_finished
 
 GRID = visible_grid(50)
 SIGNAL = np.array([[0.8, 0.7, 0.6], [0.1, 0.05, 0.2]])     # a white and a dark paint

@@ -33,70 +33,25 @@ from that level, and over how many nanometres, are the components of the mixture
 the photo weighs them. Bands are independent; exposure, illumination field, glare and model error
 are joint, as with any prior.
 """
-
-
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from itertools import product
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from spectrabox.calibrate.chart_equations import ChartEquations
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.records.spectra import WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.system.archives import DamagedArchiveError, opened_npz
 
-LARGE = 1e300                # beyond the square of any whitened innovation
-
-
-def log_densities(covariance: np.ndarray, innovation: np.ndarray, patterns: np.ndarray,
-                  common: Sequence[float]) -> list[float]:
-    """Log density of the innovation (Y,) up to a constant, under a covariance (Y, Y) to which each
-    common error squared times ``patterns @ patterns.T`` is added (Y, R); -inf where round-off left
-    no density.
-
-    Innovation and patterns are last rows of the matrix that is factorised: those of the factor are
-    then whitened, whatever the last elements of the matrix. By Sylvester and Woodbury one factor
-    does for all common errors.
-
-    Parameters
-    ----------
-    covariance : (Y, Y) array
-    innovation : (Y,) array
-    patterns : (Y, R) array
-        Of errors that bands have in common, a unit each.
-    common : sequence of float
-        Sizes of those errors.
-    """
-    size, extra = innovation.size, 1 + patterns.shape[1]
-    bordered = np.zeros((size + extra, size + extra))
-    bordered[:size, :size] = covariance
-    bordered[size:, :size] = np.vstack([innovation, patterns.T])
-    bordered[range(size, size + extra), range(size, size + extra)] = LARGE
-    try:
-        lower = np.linalg.cholesky(bordered)    # which reads the lower triangle alone
-    except np.linalg.LinAlgError:
-        return [-np.inf] * len(common)
-    white, columns = lower[size, :size], lower[size + 1:, :size]
-    square, along, gram = white @ white, columns @ white, columns @ columns.T
-    log_volume, logs = np.log(np.diag(lower)[:size]).sum(), []
-    for error in common:
-        root = np.linalg.cholesky(np.eye(len(gram)) + error**2 * gram)
-        explained = np.linalg.solve(root, error * along)
-        logs.append(float(-0.5 * (square - explained @ explained) - log_volume
-                          - np.log(np.diag(root)).sum()))
-    return logs
-
-
-# ---- the prior on a camera's curves: a mixture of Gaussians, its covariances and its file --------
+if TYPE_CHECKING:
+    from spectrabox.calibrate.chart_equations import ChartEquations
 
 SHIPPED = "rawtoaces39.npz"
 NOT_LOCALISED = (0.0, 1.0, 1.0)
@@ -256,8 +211,6 @@ def shipped_prior() -> CameraPrior:
                            / SHIPPED) as path:
         return load_camera_prior(path)
 
-
-# ---- priors on curves that need no database of cameras: smoothness alone, or measured curves -----
 
 LENGTHS_NM = (15.0, 25.0, 40.0, 70.0)
 # standard deviation over mean: a narrow band is far from its mean nearly everywhere

@@ -18,7 +18,8 @@ from scipy.linalg import solve_triangular
 
 from spectrabox.calibrate import chart_equations, held_out_patches
 from spectrabox.calibrate.copy_errors import Explained
-from spectrabox.calibrate.prior.camera_prior import CameraPrior, log_densities
+from spectrabox.calibrate.prior.camera_prior import CameraPrior
+from spectrabox.calibrate.prior.evidence import log_densities
 from spectrabox.radiometry.covariance import block_diagonal
 from spectrabox.radiometry.errors import CalibrationError
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix

@@ -22,7 +22,7 @@ from spectrabox.measure.results.surface_result import (
     SurfaceResult,
     surface_result,
 )
-from spectrabox.measure.words import text_table
+from spectrabox.measure.tables import text_table
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import WavelengthGrid

@@ -7,8 +7,6 @@ A session is up to date while none of its input and output files has changed in 
 neither have the program and the cameras that the operator keeps under a name. In doubt it is run
 again, which keeps the stages that are up to date.
 """
-
-
 from __future__ import annotations
 
 import dataclasses
@@ -25,12 +23,12 @@ from urllib.parse import quote
 
 from markupsafe import Markup
 
-from spectrabox.measure.words import text_table
+from spectrabox.measure.tables import text_table
 from spectrabox.radiometry.files import sha256_of, whole_file, write_text_whole
 from spectrabox.radiometry.spectra.cameras import own_cameras
 from spectrabox.session.config.session_file import FILE_NAME, SessionConfig
+from spectrabox.session.kept_stages import stage_names
 from spectrabox.session.outputs.run_outputs import STAGE
-from spectrabox.session.pipeline import stage_names
 from spectrabox.session.report.page import TEMPLATES, style_sheet, templates
 from spectrabox.session.store.keys import input_files, program_digest
 from spectrabox.session.store.record_files import fingerprint, load_stage

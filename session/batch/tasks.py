@@ -14,8 +14,9 @@ from spectrabox.measure.steps.declared_steps import INVERSION
 from spectrabox.radiometry import errors
 from spectrabox.session.batch import overview
 from spectrabox.session.config.session_file import SessionConfig, read_session
+from spectrabox.session.kept_stages import stage_names
 from spectrabox.session.outputs.run_outputs import outputs_of_run
-from spectrabox.session.pipeline import run_stages, stage_names
+from spectrabox.session.pipeline import run_stages
 from spectrabox.session.problems import check_session
 from spectrabox.session.report.pictures import picture_data_uri
 from spectrabox.session.store.locks import only_writer

@@ -37,7 +37,7 @@ from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.interreflection import relative_response
 from spectrabox.radiometry.profile_files import SPACES, write_profile
 from spectrabox.session.config.session_file import SessionConfig
-from spectrabox.session.pipeline import FinishedRun
+from spectrabox.session.kept_stages import FinishedRun
 from spectrabox.session.report.page import style_sheet, templates
 
 PHOTO, PAGE = "photo.tif", "archive.html"

@@ -12,7 +12,7 @@ from spectrabox.session.terminal import command_line
 
 if TYPE_CHECKING:
     from spectrabox.session.config.session_file import SessionConfig
-    from spectrabox.session.pipeline import FinishedRun
+    from spectrabox.session.kept_stages import FinishedRun
 
 
 def register(app: typer.Typer) -> None:
@@ -164,6 +164,6 @@ def finished_session(folder: Path, allow_outside: bool
         Let the session name files outside its folder.
     """
     from spectrabox.session.config.session_file import read_session
-    from spectrabox.session.pipeline import load_finished, warn_of_stale_stages
+    from spectrabox.session.kept_stages import load_finished, warn_of_stale_stages
     config = read_session(folder, allow_outside)
     return config, load_finished(config), warn_of_stale_stages(config, command_line.tell)

@@ -109,7 +109,7 @@ def sample(
                          "--signal, not --signals")
     from spectrabox.measure.estimate import columns_of, draws_of
     from spectrabox.measure.signals.sample import compared, sample_signals
-    from spectrabox.session.signals.advise_answer import signal_capture, stated_truth
+    from spectrabox.session.signals.signal_capture import signal_capture, stated_truth
     capture = signal_capture(
         measured, signals, colours[0] if colours else None, sensitivity or requests.OBSERVER,
         light or "D65", twice=twice, light_error=light_error, sensitivity_error=sensitivity_error,
@@ -137,7 +137,7 @@ def sample(
         else:
             write_arrays(out, draws_of(estimates))
     if plot is not None:
-        from spectrabox.session.signals.advise_answer import write_plot
+        from spectrabox.session.signals.sample_plot import write_plot
         written["plot"] = plot
         write_plot(plot, estimates)
     if one:
@@ -208,7 +208,7 @@ def match(
     from spectrabox.sampling.evaluation.identification import read_spectral_libraries
     from spectrabox.sampling.prior.mixture import load_prior, of_families
     from spectrabox.session.config.session_file import read_session
-    from spectrabox.session.pipeline import load_finished
+    from spectrabox.session.kept_stages import load_finished
     config = read_session(folder, allow_outside)
     signals = load_finished(config).records.signals
     unknown = [name for name, known in zip(signals.names, signals.known, strict=True) if not known]
@@ -233,7 +233,7 @@ def match(
 
 def _match_text(match: SurfaceMatch) -> str:
     from spectrabox.measure.signals.matching import HEADINGS
-    from spectrabox.measure.words import text_table
+    from spectrabox.measure.tables import text_table
     lines = [text_table(HEADINGS, match.rows(MATCHES_SHOWN), text=("spectrum", "library", ""),
                         title=match.surface), match.says]
     hidden = sum(each.indistinguishable for each in match.matches[MATCHES_SHOWN:])

@@ -14,7 +14,7 @@ from spectrabox.session.terminal import command_line
 
 if TYPE_CHECKING:
     from spectrabox.session.config.session_file import SessionConfig
-    from spectrabox.session.pipeline import FinishedRun
+    from spectrabox.session.kept_stages import FinishedRun
     from spectrabox.session.terminal.progress_display import StageProgress
 
 STAGE_NAMES = "chart, photo, calibrate, signals (of a scene reconstruct), sample, picture"
@@ -123,7 +123,7 @@ def status(folder: command_line.Folder,
            allow_outside: command_line.Outside = False) -> command_line.Answer:
     """Show which stages are done, which are out of date, and why."""
     from spectrabox.session.config.session_file import read_session
-    from spectrabox.session.pipeline import stage_states, states_without_inputs
+    from spectrabox.session.kept_stages import stage_states, states_without_inputs
     config, fault = read_session(folder, allow_outside), None
     try:
         states = stage_states(config)
@@ -256,13 +256,13 @@ def run_session(folder: Path, allow_outside: bool = False, *, only: str | None =
         The command as the operator could type it again, for the report; that of ``run`` by default.
     """
     from spectrabox.session.config.session_file import read_session
-    from spectrabox.session.outputs.run_outputs import outputs_of_run
-    from spectrabox.session.pipeline import (
+    from spectrabox.session.kept_stages import (
         kept_run,
         load_finished,
         stage_names,
         stages_in_order,
     )
+    from spectrabox.session.outputs.run_outputs import outputs_of_run
     from spectrabox.session.store.locks import only_writer
     from spectrabox.session.terminal.progress_display import progress_display, with_time_left
 

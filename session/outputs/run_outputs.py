@@ -5,8 +5,6 @@ Report, spectra and pictures of a finished run, written again only where somethi
 Their inputs and the digest of every file are stored with the stages' results. The files are kept
 while the inputs are unchanged and no file has been edited.
 """
-
-
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
@@ -24,8 +22,8 @@ from spectrabox.radiometry.findings import Finding
 from spectrabox.reconstruct.scene.scene_file import SceneFile
 from spectrabox.session.box.scenes import write_box_scenes
 from spectrabox.session.config.session_file import SessionConfig
+from spectrabox.session.kept_stages import FinishedRun
 from spectrabox.session.outputs.session_results import session_results
-from spectrabox.session.pipeline import FinishedRun
 from spectrabox.session.report import page
 from spectrabox.session.store import keys, record_files, surface_files
 from spectrabox.session.store.locks import outputs_writer

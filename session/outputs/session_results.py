@@ -17,7 +17,7 @@ from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves
 from spectrabox.session.config.session_file import SessionConfig
-from spectrabox.session.pipeline import FinishedRun
+from spectrabox.session.kept_stages import FinishedRun
 from spectrabox.session.store.keys import InputFiles, input_roles
 from spectrabox.session.store.rehearsals import stored_rehearsal
 

@@ -14,6 +14,7 @@ from spectrabox.radiometry.errors import InputError, SpectraboxError
 from spectrabox.radiometry.files import whole_file, writable
 from spectrabox.radiometry.system.words import plain, shortened
 from spectrabox.session.config.session_file import SessionConfig, session_of_text
+from spectrabox.session.kept_stages import stage_states
 from spectrabox.session.meters.page_meter import PageMeter
 from spectrabox.session.page import written_session
 from spectrabox.session.page.answers import safe_name, unused_path
@@ -23,7 +24,6 @@ from spectrabox.session.page.marks import MarkedSession
 from spectrabox.session.page.photo_views import PhotoFile, PhotoViews
 from spectrabox.session.page.run_control import RunControl
 from spectrabox.session.page.shooting import PHOTO_SUFFIXES, Shooting
-from spectrabox.session.pipeline import stage_states
 
 MARKED = ("marked.csv", "marked.spdx")      # spectra of what is marked now
 

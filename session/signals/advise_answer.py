@@ -1,8 +1,6 @@
 """Signals given as options: as a capture, what to do next about them, and the picture of their
 spectra.
 """
-
-
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -10,104 +8,29 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib import color_sequences, style
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from spectrabox.measure.advice import advise
 from spectrabox.measure.advice.advice import Advice, Advised
-from spectrabox.measure.estimate import Estimate
 from spectrabox.measure.more_bands.filter_fit import LampsAtHand
-from spectrabox.measure.plots import frame_reflectance
 from spectrabox.measure.signals.options import SampleOptions
 from spectrabox.measure.signals.sample import measurement_of_signal, sample_signals
 from spectrabox.measure.signals.signal_capture import (
     SignalCapture,
-    curve_caveats,
-    origin_of_colours,
     unstated,
 )
-from spectrabox.measure.words import text_table
+from spectrabox.measure.tables import text_table
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records.spectra import Quantity
-from spectrabox.radiometry.spectra import named_spectra, spectrum_files
-from spectrabox.radiometry.spectra.cameras import stated_curve_error
+from spectrabox.radiometry.spectra import named_spectra
 from spectrabox.radiometry.spectra.filters import filters_at_hand
 from spectrabox.sampling.further.more_measurements import joined
 from spectrabox.sampling.prior import mixture
-from spectrabox.session.commands.requests import AdviseRequest, MeasuredSignal
+from spectrabox.session.commands.requests import AdviseRequest
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.pipeline import load_finished
+from spectrabox.session.kept_stages import load_finished
 from spectrabox.session.signals import signal_options
 from spectrabox.session.signals.measurement_file import further_measurements
 
-
-def signal_capture(measured: MeasuredSignal, signals: Path | None, colour: tuple[str, str] | None,
-                   sensitivity: str, light: str, *, twice: str | None, light_error: float,
-                   sensitivity_error: float, prior: Path | None, family: Sequence[str]
-                   ) -> SignalCapture:
-    """Signals and what is stated of them, read from options and files.
-
-    Parameters
-    ----------
-    measured : MeasuredSignal
-    signals, sensitivity, light, twice, light_error, sensitivity_error, prior, family
-        As the options of ``spectrabox sample``.
-    colour : (kind, text) or None
-        Which of the options srgb, lab and xyz was given, and what it says.
-
-    Raises
-    ------
-    InputError
-        If an option or a file cannot be read.
-    """
-    response = named_spectra.relative_response(sensitivity, light, FINE_GRID)
-    names, bands = named_spectra.named_curves(sensitivity)[2], len(response)
-    white = signal_options.optional_numbers(measured.white, bands, "white")
-    reflected = None
-    if twice is not None:
-        signal, error = signal_options.signal_and_noise(twice, bands, "twice")
-        reflected = measurement_of_signal(response, signal, white, error)
-    more = further_measurements(measured, sensitivity, response, white)
-    noise = signal_options.optional_noise(measured.noise, bands)
-    origin = None
-    if colour is not None:
-        seen, rounding = signal_options.colour_signal(*colour, light)
-        named, noise = {"": seen}, rounding if noise is None else noise
-        white = np.ones(bands)      # a colour is relative to white
-        stated = signal_options.srgb_values(colour[1]) if colour[0] == "srgb" \
-            else signal_options.numbers(colour[1], bands, colour[0])
-        origin = origin_of_colours(colour[0], stated)
-    elif signals is not None:
-        named = signal_options.read_named_signals(signals, names)
-    else:
-        named = {"": signal_options.numbers(measured.signal or "", bands, "signal")}
-    return SignalCapture(response, np.array(list(named.values())), tuple(named), white, noise,
-                         light_error, sensitivity_error,
-                         mixture.of_families(mixture.load_prior(prior),
-                                             tuple(family)), more, reflected, origin,
-                         curve_caveats(stated_curve_error(sensitivity), sensitivity_error))
-
-
-def stated_truth(file: Path, column: str | None) -> np.ndarray:
-    """The measured reflectance (61,) of the surface.
-
-    Parameters
-    ----------
-    file : Path
-    column : str, optional
-        Of the file.
-    """
-    table = spectrum_files.read_table(file)
-    name = table.names[spectrum_files.column_index(table, column)]
-    return spectrum_files.spectrum_on_grid(
-        spectrum_files.spectrum_of(table, role=Quantity.REFLECTANCE, column=name),
-        mixture.PRIOR_GRID)
-
-
-# ---- the answers of ``spectrabox advise``: for a finished session or one signal ------------------
 
 def advise_answer(request: AdviseRequest) -> tuple[dict[str, Any], str]:
     """JSON object and text.
@@ -204,34 +127,3 @@ def _table(each: Sequence[Advice], title: str) -> str:
         [[one.says, one.cost, f"{one.width_before:.3f}", f"{one.width_after:.3f}",
           f"{one.colour_before:.1f}", f"{one.colour_after:.1f}"] for one in each],
         text=["what", "cost"], title=title)
-
-
-# ---- the picture of the spectra behind signals that ``spectrabox sample --plot`` writes ----------
-
-SIZE_IN = (8.0, 4.5)
-
-
-def write_plot(path: Path, estimates: Sequence[Estimate]) -> None:
-    """Draw the mean and the band of every signal.
-
-    Parameters
-    ----------
-    path : Path
-        Ends in .png.
-    estimates : sequence of Estimate
-    """
-    with style.context("default"):      # not as a matplotlibrc of the working folder has it
-        figure = Figure(figsize=SIZE_IN, layout="constrained")
-        axes, top = figure.add_subplot(), np.zeros(estimates[0].nm.size)
-        for number, one in enumerate(estimates):
-            nm, colour = one.nm, color_sequences["tab10"][number % 10]
-            summary = one.summary
-            assert summary is not None, "behind a signal the spectrum is estimated"
-            top = np.maximum(top, summary.upper)
-            axes.fill_between(nm, summary.lower, summary.upper, color=colour, alpha=0.25, lw=0)
-            axes.plot(nm, one.mean, color=colour, lw=1.6,
-                      label=one.name or f"mean and {summary.level:.0%} band")
-        frame_reflectance(axes, nm, top)
-        axes.legend(frameon=False, fontsize="small")
-        with whole_file(path) as unfinished:
-            FigureCanvasAgg(figure).print_png(str(unfinished))

@@ -12,9 +12,10 @@ from spectrabox.measure.estimate import Estimate
 from spectrabox.measure.plots import spectrum_html
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.session.config.session_file import read_session
+from spectrabox.session.kept_stages import load_finished
 from spectrabox.session.outputs.run_outputs import outputs_of_run
 from spectrabox.session.outputs.session_results import picture_folder
-from spectrabox.session.pipeline import load_finished, run_stages
+from spectrabox.session.pipeline import run_stages
 from spectrabox.session.problems import check_session
 from spectrabox.session.store.locks import only_writer
 from spectrabox.session.store.rehearsals import stored_rehearsal
