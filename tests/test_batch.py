@@ -221,7 +221,7 @@ def tasks_of(needs, check=False):
 
 def test_a_scene_is_looked_at_before_it_runs_with_what_it_needs(tmp_path, monkeypatch):
     order = order_of([tmp_path / "a", tmp_path / "b"], tmp_path / "out", "x")
-    monkeypatch.setattr("spectrabox.session.batch.batch.first_task", tasks_of([40, 40], check=True))
+    monkeypatch.setattr("spectrabox.session.batch.tasks.first_task", tasks_of([40, 40], check=True))
     executor, here = inline_workers(lambda task: dataclasses.replace(
         stand_in(task), needed_bytes=70) if task.check else stand_in(task))
     assert len(list(run_batch(order, [*order.folders], here))) == 2
@@ -232,7 +232,7 @@ def test_a_scene_is_looked_at_before_it_runs_with_what_it_needs(tmp_path, monkey
 
 def test_a_session_that_cannot_be_run_is_one_row(tmp_path, monkeypatch):
     order = order_of([tmp_path / "a", tmp_path / "b"], tmp_path / "out", "x")
-    monkeypatch.setattr("spectrabox.session.batch.batch.first_task", tasks_of([2**30, 2**20]))
+    monkeypatch.setattr("spectrabox.session.batch.tasks.first_task", tasks_of([2**30, 2**20]))
     _, here = inline_workers(stand_in, worker_bytes=2**29)
     outcomes = list(run_batch(order, [*order.folders], here))
     assert [(each.word, each.exit_code) for each in outcomes] == [("ERROR", 7), ("PASS", 0)]

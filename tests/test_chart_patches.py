@@ -169,7 +169,7 @@ def test_clipped_signals_of_a_table_are_none(tmp_path):
     sb.find_chart(values.clip(0, 1)).to_csv(tmp_path / "patches.csv")
     run = CliRunner().invoke(app, ["camera", "fit", "--patches", str(tmp_path / "patches.csv"),
                                    "--light", "unknown"])
-    assert run.exit_code == 0 and "patch white 9.5 is saturated in G" in run.output, run.output
+    assert run.exit_code == 0 and "Patch white 9.5 is saturated in G" in run.output, run.output
 
 
 @pytest.mark.parametrize("name", REAL)

@@ -132,9 +132,9 @@ def test_a_halftone_of_one_power_lies_between_its_overprints(monkeypatch):
     assert np.all(made <= 1 + 1e-12) and np.all(made >= np.exp(-sum(inks)) - 1e-12)
     # Without spread of light (n = 1) Neugebauer's shares factorise (Demichel): each ink lets
     # through what it does not cover, and what passes it.
-    monkeypatch.setattr(made_materials, "uniform",
+    monkeypatch.setattr(layered, "uniform",
                         lambda rng, low, high, count: np.ones((count, 1)))
-    monkeypatch.setattr(made_materials, "chance", lambda rng, used, count: np.ones((count, 1)))
+    monkeypatch.setattr(layered, "chance", lambda rng, used, count: np.ones((count, 1)))
     rng = np.random.default_rng(9)
     covered = [rng.beta(0.7, 0.9, (5, 1)) for _ in inks]
     expected = np.prod([1 - part + part * np.exp(-ink)
@@ -222,12 +222,12 @@ def test_solid_ink_looks_the_same_however_far_light_spreads_in_paper(monkeypatch
         def __getattr__(self, name):
             return getattr(self.rng, name)
 
-    monkeypatch.setattr(made_materials, "chance", lambda rng, probability, count:
+    monkeypatch.setattr(layered, "chance", lambda rng, probability, count:
                         np.ones((count, 1)))
-    fixed(monkeypatch, made_materials, "uniform", (1, 3), 1.0)
+    fixed(monkeypatch, layered, "uniform", (1, 3), 1.0)
     expected = made_materials.halftone(AllCovered(), 30)
     monkeypatch.undo()
-    monkeypatch.setattr(made_materials, "chance", lambda rng, probability, count:
+    monkeypatch.setattr(layered, "chance", lambda rng, probability, count:
                         np.ones((count, 1)))
-    fixed(monkeypatch, made_materials, "uniform", (1, 3), n)
+    fixed(monkeypatch, layered, "uniform", (1, 3), n)
     np.testing.assert_allclose(made_materials.halftone(AllCovered(), 30), expected, rtol=1e-9)

@@ -315,7 +315,7 @@ def test_photos_from_one_tripod_are_one_command_and_each_has_its_own_lamp(tmp_pa
     assert said["glass"]["left_out_bands"] == []
     folder = tmp_path / "_DSC1-flat"
     views = read_session(folder).all_views
-    assert [(view.title, view.lamp) for view in views] == [
+    assert [(view.title, view.lamp_of) for view in views] == [
         ("photo", "photo"), ("warm", "warm"), ("glass", "photo")]
     assert (folder / views[2].filter.file).read_bytes() == (tmp_path / "glass.csv").read_bytes()
 

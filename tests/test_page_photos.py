@@ -95,7 +95,7 @@ def test_one_file_that_nobody_can_name_or_open_is_one_line_of_the_page(tmp_path,
     (tmp_path / os.fsdecode(b"\xe9.tif")).unlink()
     [shot] = wait_for(lambda: watch.state()["shots"])
     assert "not UTF-8" in shot["reasons"][0] and watch.path(shot["file"]).is_file()
-    monkeypatch.setattr(shooting, "judge_photo", judged)
+    monkeypatch.setattr("spectrabox.measure.photo_quality.judge_photo", judged)
     write_photo(tmp_path / "b.dng", np.full((60, 90, 3), 0.7), Fraction(1, 60),
                 np.random.default_rng(1))
     wait_for(lambda: len(watch.state()["shots"]) == 2)
