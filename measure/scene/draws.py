@@ -127,6 +127,8 @@ def _of_response(errors: error_model.ResponseErrors, relative: np.ndarray,
 
 def _strongest(changes: np.ndarray) -> np.ndarray:
     """The same errors (E, R, K) as fewer independent ones, without those of little variance."""
+    if not changes.size:
+        return changes      # of curves and a light that are given without errors
     _, size, directions = np.linalg.svd(changes.reshape(len(changes), -1), full_matrices=False)
     kept = size**2 > KEPT * np.max(size**2, initial=0.0)
     return (size[kept, None] * directions[kept]).reshape(-1, *changes.shape[1:])

@@ -122,6 +122,8 @@ def _chart_photos(capture: captured.Capture, records: CaptureRecords,
     """The charts as their fits take them, by view."""
     bands = capture.band_names(records.photo.bands)
     views = capture.views_with_chart
+    if not views:
+        return {}
     photos = chart_fit.as_fitted(
         [records.chart.charts[view.name].samples for view in views],
         [capture.lit_chart] * len(views), [view.light_of_fit for view in views], irradiance,

@@ -389,10 +389,11 @@ def _whitened(coefficients: np.ndarray, signal: np.ndarray, weight: np.ndarray,
     error, added = np.split(whole[:, count:], [len(common)], axis=1)
     if not error.shape[1]:
         return rows, targets, added
-    together = np.hstack([rows.reshape(len(rows), -1), added, targets[:, None]])
+    together = np.hstack([rows.reshape(len(rows), len(triangles) * count), added,
+                          targets[:, None]])
     white = solve_triangular(np.linalg.cholesky(np.eye(len(rows)) + error @ error.T), together,
                              lower=True)
-    size = rows[0].size
+    size = len(triangles) * count
     return white[:, :size].reshape(rows.shape), white[:, -1], white[:, size:-1]
 
 
