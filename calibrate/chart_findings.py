@@ -193,8 +193,8 @@ def at_fault(patches: HeldOutPatches, names: Sequence[str], light: str = "") -> 
     """What is wrong with the chart itself: patches whose level or colour is not what the others
     make of it, by more than chance; nothing where none is but those that were kept out of the fit.
 
-    A colour alone is no evidence: under a stated light those of faultless copies are off by as much
-    as those of soiled ones.
+    A level that is off by less than 3 % does no harm. A colour alone is no evidence: under a stated
+    light those of faultless copies are off by as much as those of soiled ones.
 
     Parameters
     ----------
@@ -214,7 +214,9 @@ def at_fault(patches: HeldOutPatches, names: Sequence[str], light: str = "") -> 
         code = "patches.glare"
     elif light and colour.any():
         code = "patches.unlike-reference-or-light"
-    return [Finding(code, Severity.WARN if level.any() else Severity.NOTE, values=values)]
+    matters = [patch for patch in np.flatnonzero(level).tolist()
+               if abs(_brighter(patches, patch)[0]) > LARGE_DEPARTURE]
+    return [Finding(code, Severity.WARN if matters else Severity.NOTE, values=values)]
 
 
 def poor_patches(patches: HeldOutPatches, names: Sequence[str]) -> list[dict[str, Any]]:

@@ -4,9 +4,6 @@ from __future__ import annotations
 import io
 from collections.abc import Collection, Iterable, Sequence
 
-from rich.console import Console
-from rich.table import Table
-
 WIDTH = 110             # letters; words are cut above
 
 
@@ -22,6 +19,8 @@ def text_table(headings: Sequence[str], rows: Iterable[Sequence[str]], *, text: 
         Headings of the columns of words, which are flush left; numbers are flush right.
     title : str, optional
     """
+    from rich.console import Console    # here: whoever makes no table does not wait for it
+    from rich.table import Table
     table = Table(title=title, title_justify="left", title_style="bold")
     for number, heading in enumerate(headings):
         table.add_column(heading, justify="left" if heading in text else "right",

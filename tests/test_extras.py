@@ -117,7 +117,7 @@ def test_a_picture_that_a_stage_cannot_draw_is_a_note(measured, tmp_path, monkey
     facts = json.loads(outcome.stdout)
     assert outcome.exit_code == 0
     same_answer(facts | {"warnings": []}, expected | {"warnings": []})
-    assert f"No {extra}: ValueError: {WHY}." in facts["warnings"]
+    assert any(one.startswith(f"No {extra}: ValueError: {WHY}.") for one in facts["warnings"])
 
 
 def test_a_scene_stands_without_the_pictures_that_compare_it(_finished, tmp_path, monkeypatch):
