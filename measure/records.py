@@ -11,7 +11,7 @@ import numpy as np
 
 from spectrabox.measure import texts
 from spectrabox.measure.captured import View
-from spectrabox.measure.pictures import pixel_errors
+from spectrabox.measure.pictures import pixel_flags
 from spectrabox.radiometry.findings import Finding, each_once
 from spectrabox.radiometry.records import calibration
 from spectrabox.radiometry.records.photos import (
@@ -154,9 +154,9 @@ class PictureRecords(Record):
         """Words, colour on the map and share of every reason for which a pixel has no spectrum."""
         return [(words, f"#{bytes(colour).hex()}", share)
                 for code, (words, colour, share) in enumerate(
-                    zip(pixel_errors.WORDS, pixel_errors.COLOURS.tolist(),
+                    zip(pixel_flags.WORDS, pixel_flags.COLOURS.tolist(),
                         self.flag_shares.tolist(), strict=True))
-                if code != pixel_errors.SEEN and share > 0]
+                if code != pixel_flags.SEEN and share > 0]
 
     def facts(self, folder: str) -> dict[str, Any]:
         """What is known of it, as plain numbers; its files are named as they lie in the folder."""

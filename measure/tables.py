@@ -19,7 +19,7 @@ def text_table(headings: Sequence[str], rows: Iterable[Sequence[str]], *, text: 
         Headings of the columns of words, which are flush left; numbers are flush right.
     title : str, optional
     """
-    from rich.console import Console    # here: whoever makes no table does not wait for it
+    from rich.console import Console  # here: whoever makes no table does not wait for it
     from rich.table import Table
     table = Table(title=title, title_justify="left", title_style="bold")
     for number, heading in enumerate(headings):

@@ -20,7 +20,8 @@ from spectrabox.measure.pictures.crop import Crop
 from spectrabox.measure.pictures.illumination import Illumination, even_light, light_adaptation
 from spectrabox.measure.pictures.lit_photo import GREY, LitPhoto
 from spectrabox.measure.pictures.photo_white import ReferenceSurfaces
-from spectrabox.measure.pictures.pixel_errors import CLIPPED, SEEN, PixelErrors, White
+from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
+from spectrabox.measure.pictures.pixel_flags import CLIPPED, SEEN
 from spectrabox.measure.pictures.pixel_spectra import KeptWavelengths, plan_spectra, survey_rows
 from spectrabox.measure.pictures.shown_bands import shown_bands
 from spectrabox.radiometry.gloss import gloss_states

@@ -20,7 +20,7 @@ from spectrabox.fixtures.demos.painted_box import (
 )
 from spectrabox.fixtures.paints import NM
 from spectrabox.measure.pictures import scene_light
-from spectrabox.measure.pictures.pixel_errors import EDGE, PENUMBRA, SEEN
+from spectrabox.measure.pictures.pixel_flags import EDGE, PENUMBRA, SEEN
 from spectrabox.measure.steps.pictures import traced_photo
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.interreflection import products

@@ -24,7 +24,7 @@ from spectrabox.measure import rules
 from spectrabox.measure.held_out_spectra import patches_without
 from spectrabox.measure.pictures import illumination, photo_white, surface_textures
 from spectrabox.measure.pictures.lit_photo import PhotoSpectra
-from spectrabox.measure.pictures.pixel_errors import SEEN
+from spectrabox.measure.pictures.pixel_flags import SEEN
 from spectrabox.measure.pictures.spectra_files import PictureLayout
 from spectrabox.measure.pictures.texture_files import write_textures
 from spectrabox.measure.regions.white import PhotoWhite

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure.pictures import pixel_errors
+from spectrabox.measure.pictures import pixel_errors, pixel_flags
 from spectrabox.measure.pictures.pixel_spectra import PixelBlock, SpectraPlan
 from spectrabox.measure.pictures.shown_bands import ShownBands
 from spectrabox.radiometry.error_model import Errors
@@ -45,7 +45,7 @@ class PhotoBlock(PixelBlock):
     @property
     def seen(self) -> np.ndarray:
         """Whether a pixel (n,) has a spectrum."""
-        return np.asarray(self.flags == pixel_errors.SEEN)
+        return np.asarray(self.flags == pixel_flags.SEEN)
 
     @property
     def within(self) -> np.ndarray:
@@ -154,16 +154,16 @@ class LitPhoto:
             else self.flags[first:last].ravel().copy()
         if self.shown is None:
             clipped = self.photo.saturated[first:last].reshape(-1, bands).any(axis=1)
-            flags[(flags == pixel_errors.SEEN) & clipped] = pixel_errors.CLIPPED
-            flags[(flags == pixel_errors.SEEN) & (measured <= 0).any(axis=1)] = pixel_errors.DARK
+            flags[(flags == pixel_flags.SEEN) & clipped] = pixel_flags.CLIPPED
+            flags[(flags == pixel_flags.SEEN) & (measured <= 0).any(axis=1)] = pixel_flags.DARK
         else:
             flags = self.shown.flags[first:last].ravel()
             signals[~self.shown.sets[light]] = GREY
         if self.highlights:
             brighter = np.max(signals - uplift_table.MAX_SIGNAL, axis=1) > SIGMAS * grey_error
-            flags[(flags == pixel_errors.SEEN) & brighter] = pixel_errors.HIGHLIGHT
+            flags[(flags == pixel_flags.SEEN) & brighter] = pixel_flags.HIGHLIGHT
         signals = signals - errors.gloss.pattern @ errors.gloss.mean
-        seen = flags == pixel_errors.SEEN
+        seen = flags == pixel_flags.SEEN
         return PhotoBlock(
             np.where(seen[:, None], np.clip(signals, DARKEST, uplift_table.MAX_SIGNAL), GREY),
             None if light is None else np.where(seen, light, 0),

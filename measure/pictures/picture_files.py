@@ -10,7 +10,7 @@ import numpy as np
 
 from spectrabox.capture.photo.image_writers import write_png
 from spectrabox.measure.pictures import lit_photo, picture_maps, pixel_spectra, spectra_files
-from spectrabox.measure.pictures.pixel_errors import HIGHLIGHT, SEEN
+from spectrabox.measure.pictures.pixel_flags import HIGHLIGHT, SEEN
 from spectrabox.measure.records import PictureRecords
 from spectrabox.measure.shoot.options import PictureOptions
 from spectrabox.sampling.prior.local_posteriors import MAX_CENTRES

@@ -16,7 +16,7 @@ import numpy as np
 from spectrabox.capture.photo.image_rows import png_rows
 from spectrabox.capture.photo.preview import encode_srgb8
 from spectrabox.measure.pictures.lit_photo import PhotoSpectra
-from spectrabox.measure.pictures.pixel_errors import COLOURS, SEEN
+from spectrabox.measure.pictures.pixel_flags import COLOURS, SEEN
 from spectrabox.measure.pictures.spectra_files import DAYLIGHT, srgb_of_spectra
 from spectrabox.radiometry.system.words import file_stem
 

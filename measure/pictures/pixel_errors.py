@@ -25,16 +25,6 @@ from spectrabox.sampling.prior.local_posteriors import informative_bands
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, reflectance_moments
 from spectrabox.sampling.prior.mixture_posterior import mean_and_spread, posterior
 
-SEEN, CLIPPED, DARK, EDGE, PENUMBRA, HIGHLIGHT = range(6)
-WORDS = ("has a spectrum", "clipped", "no signal or no light",
-         "at an edge, or no surface of the scene",
-         "where light changes quickly: penumbra, corners", "highlight, brighter than white")
-COLOURS = np.array([(235, 235, 235), (255, 0, 255), (0, 0, 0), (90, 90, 90), (64, 110, 200),
-                    (255, 160, 0)], np.uint8)
-
-
-# ---- white at every pixel of a photo, and the covariance of the pixels' signals ------------------
-
 EXPECTED = 0.01         # of white: error of the signals whose spectra the errors are evaluated at
 EXPECTED_AT_ONCE = 500
 UNSEEN = 100.0          # of white: error of a band that says nothing

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import csr_array
 
-from spectrabox.measure.pictures import pixel_errors
+from spectrabox.measure.pictures import pixel_errors, pixel_flags
 from spectrabox.measure.pictures.crop import crop_photo
 from spectrabox.measure.pictures.illumination import illumination
 from spectrabox.measure.pictures.lit_photo import LitPhoto
@@ -98,7 +98,7 @@ def _sample_pixels(scene: TracedPhoto, photo: LitPhoto, materials: Sequence[int]
     view, crop = scene.view, scene.crop
     assert photo.flags is not None
     inside = scene.traced.nodes.surface[crop.rows, crop.columns]
-    usable = (photo.flags == pixel_errors.SEEN) & ~photo.photo.saturated.any(axis=2)
+    usable = (photo.flags == pixel_flags.SEEN) & ~photo.photo.saturated.any(axis=2)
     places = []
     for material in materials:
         surfaces = [index for index, name in enumerate(view.surface_materials)
@@ -180,11 +180,11 @@ def light_photo(scene: TracedPhoto, light: np.ndarray) -> tuple[LitPhoto, LightS
         gloss_states(scene.surface, [""] * bands), references.covariance,
         [(_calibration_under(scene, colour),) for colour in typical], np.zeros(bands, int),
         responses / responses.sum(axis=2, keepdims=True), scene.prior)
-    flags = np.full(nodes.surface.shape, pixel_errors.SEEN, np.uint8)
+    flags = np.full(nodes.surface.shape, pixel_flags.SEEN, np.uint8)
     region = nodes.region
-    flags[(uneven > PENUMBRA_ERROR)[region]] = pixel_errors.PENUMBRA
-    flags[(lighting.maps == 0).all(axis=1)[region]] = pixel_errors.DARK
-    flags[scene.edges | (region < 0) | scene.traced.lamp[region]] = pixel_errors.EDGE
+    flags[(uneven > PENUMBRA_ERROR)[region]] = pixel_flags.PENUMBRA
+    flags[(lighting.maps == 0).all(axis=1)[region]] = pixel_flags.DARK
+    flags[scene.edges | (region < 0) | scene.traced.lamp[region]] = pixel_flags.EDGE
     return LitPhoto(crop_photo(view.photo, crop), errors, flags[crop.rows, crop.columns],
                     highlights=True), references.scale
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.measure.pictures import pixel_errors
+from spectrabox.measure.pictures import pixel_flags
 from spectrabox.radiometry.records.photos import LinearImage
 
 MAX_SETS = 4        # the most frequent; each costs a table of spectra
@@ -61,7 +61,7 @@ def shown_bands(photo: LinearImage, glare: np.ndarray, photo_of_band: np.ndarray
         if within and own:
             index[each], known[each] = within[0], True
     at = np.searchsorted(codes, code)
-    flags = np.where(known[at], pixel_errors.SEEN,
-                     np.where(clipped, pixel_errors.CLIPPED, pixel_errors.DARK)).astype(np.uint8)
+    flags = np.where(known[at], pixel_flags.SEEN,
+                     np.where(clipped, pixel_flags.CLIPPED, pixel_flags.DARK)).astype(np.uint8)
     sets = of_code[frequent][:, np.searchsorted(photos, photo_of_band)] & ~silent
     return ShownBands(sets, index[at], flags)

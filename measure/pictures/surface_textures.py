@@ -15,7 +15,7 @@ from scipy.ndimage import distance_transform_edt
 from scipy.sparse import csr_array
 
 from spectrabox.measure.pictures.lit_photo import PhotoSpectra
-from spectrabox.measure.pictures.pixel_errors import SEEN
+from spectrabox.measure.pictures.pixel_flags import SEEN
 from spectrabox.measure.pictures.pixel_spectra import KeptWavelengths
 from spectrabox.measure.pictures.traced_photo import TracedPhoto
 from spectrabox.radiometry.findings import Finding, Severity
