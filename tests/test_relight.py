@@ -71,7 +71,9 @@ def test_results_that_a_run_replaced_meanwhile_make_no_picture(finished, monkeyp
 
     def rendered(*arguments, **options):
         facts = finished / "results" / "sample" / "facts.json"
-        facts.write_text(facts.read_text() + " ")
+        kept = json.loads(facts.read_text("utf-8"))
+        kept["key"]["capture"] = "another"
+        facts.write_text(json.dumps(kept), encoding="utf-8")
         return render(*arguments, **options)
     monkeypatch.setattr(relight, "render", rendered)
     outcome = call("relight", finished, "--width", "16", "--spp", "1", "--device", "cpu")
