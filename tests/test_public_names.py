@@ -242,7 +242,8 @@ def test_a_photo_goes_to_spectra_and_colours_in_a_few_lines(demos, monkeypatch):
     assert set(wall.causes) >= {"metamerism", "light over the picture", "photo noise"}
     assert "paint, as stated" in wall.outcome and 400 <= wall.next_reading_nm <= 700
     assert wall.plot().get_title() == "wall" and result.plot().lines
-    assert result.verdict == "warn" and "put the chart or a white card" in result.reasons[0]
+    # nothing shows a fault; the light far from the chart is in the bands
+    assert result.verdict == "pass" and result.reasons and wall.band_width > 0.1
     assert result.calibration.sensitivity.curves.shape == (3, 301)
     lines = result.to_csv("spectra.csv").read_text(encoding="utf-8").splitlines()
     table = [line for line in lines if not line.startswith("#")]

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from spectrabox.radiometry.interreflection import exponents_up_to
 from spectrabox.reconstruct.tracer import transport
 from spectrabox.reconstruct.tracer.path_tracer import (
     GENERATOR,
@@ -74,7 +75,7 @@ def test_the_lattice_s_integral_is_closer_than_independent_numbers(mitsuba):
 def test_any_number_of_cores_gives_the_same_bits(box, short):
     import drjit as dr
 
-    tracer = Tracer(box, HALVES, transport.exponents_up_to(3, 3))
+    tracer = Tracer(box, HALVES, exponents_up_to(3, 3))
     runs = []
     try:
         for cores in (1, 2, 3):
@@ -90,7 +91,7 @@ def test_contributions_are_counted_in_units_that_suit_the_light(box, brightness)
     """A signal in other units is the same signal: no rounding of a dim scene, no overflow of a
     bright one.
     """
-    exponents = transport.exponents_up_to(3, 3)
+    exponents = exponents_up_to(3, 3)
     signals = np.full((len(exponents), 1), 1.0)
     images = [transport.shaded_images(box, exponents, signals * factor, spp=16, seed=2) / factor
               for factor in (1.0, brightness)]
