@@ -26,7 +26,7 @@ be .78; regions lie half on the table; another table of reflectances is stated; 
 photographed by itself before the lamp was moved. For each fault: how often the verdict passes with
 one, three and nine regions of the same photo, how often a finding names something that none does
 of the same shoot without the fault, how often the condition that it breaks stands after the "if",
-and how wrong colours and spectra are that are said to be weak, and the others.
+and how wrong colours are that are said to be weak, and the others.
 """
 from __future__ import annotations
 
@@ -374,7 +374,7 @@ def table_of(rows: Sequence[dict[str, Any]]) -> str:
 def table_of_verdicts(rows: Sequence[dict[str, Any]]) -> str:
     """Markdown: a line for every fault, by one photo."""
     lines = ["| fault | PASS with 1, 3, 9 regions | refused | named | after the if | bands hold "
-             "| dE00; of weak colours | RMSE; of weak spectra |", "|---" * 8 + "|"]
+             "| dE00; of weak colours |", "|---" * 7 + "|"]
     usual = {row["case"]: set(row["codes"]) for row in rows
              if row["fault"] == "none" and "codes" in row}
     for fault in VERDICTS:
@@ -393,17 +393,16 @@ def table_of_verdicts(rows: Sequence[dict[str, Any]]) -> str:
         lines.append(
             f"| {fault} | {passed} | {len(each) - len(done)} of {len(each)} | {of_all} | "
             f"{f'{broken} of {len(done)}' if fault in BROKEN else ''} | {inside} | "
-            f"{_errors(surfaces, 'dE00', 'colour', 2)} | {_errors(surfaces, 'rmse', 'spectrum', 4)}"
-            " |")
+            f"{_colours(surfaces) if surfaces else ''} |")
     return "\n".join(lines)
 
 
-def _errors(surfaces: Sequence[dict[str, Any]], error: str, weak: str, digits: int) -> str:
-    """Mean error of surfaces that are not weak in something; of those that are, and their share."""
-    each = [[one[error] for one in surfaces if (weak in one["weak"]) is is_weak]
+def _colours(surfaces: Sequence[dict[str, Any]]) -> str:
+    """Mean CIEDE2000 of surfaces of which nothing is said; of weak ones, and their share."""
+    each = [[one["dE00"] for one in surfaces if one["weak"] is is_weak]
             for is_weak in (False, True)]
-    others, weak_ones = (f"{np.mean(errors):.{digits}f}" if errors else "none" for errors in each)
-    return f"{others}; {weak_ones} ({len(each[1]) / max(len(surfaces), 1):.2f})"
+    others, weak = (f"{np.mean(off):.1f}" if off else "none" for off in each)
+    return f"{others}; {weak} ({len(each[1]) / max(len(surfaces), 1):.2f})"
 
 
 def _gloss_found(rows: Sequence[dict[str, Any]]) -> str:

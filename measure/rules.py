@@ -38,9 +38,10 @@ if TYPE_CHECKING:
 
 # of a photo, share of its pixels: they are left out, so they cost coverage, not correctness
 CLIPPED_LIMIT = 0.05
-# At the probability of the band: CIEDE2000, and rms over wavelengths. On faultless simulated shoots
-# colours that are known worse are off by 1.7 times as much as the others, spectra by 1.9 times.
-WEAK_COLOUR, WEAK_SPECTRUM = 5.0, 0.08
+# CIEDE2000 at the probability of the band. Colours that are known worse are off by 1.6 to 2 times
+# as much as others on faultless simulated shoots; how wrong spectra are their statements hardly
+# tell, and one for both tells nothing: dark surfaces are weak in colour, light ones in spectrum.
+WEAK_COLOUR = 5.0
 # Relative scatter of a region's pixels. One paint whose relief slopes by 20 degrees (rms) scatters
 # by 0.25 in light from 45 degrees; halves of two paints of a ColorChecker by more in 93 % of pairs,
 # three paints in 99 %.
@@ -208,8 +209,7 @@ def known_to(found: CaptureResult) -> Iterator[Finding]:
         cause = max(shares, key=lambda one: shares[one], default="")
         yield Finding("surface.known-to", Severity.INFO, surface.name, {
             "colour": colour, "spectrum": spectrum, "level": float(surface.summary.level),
-            "weak": [word for word, is_weak in (("colour", colour > WEAK_COLOUR),
-                                                ("spectrum", spectrum > WEAK_SPECTRUM)) if is_weak],
+            "weak": colour > WEAK_COLOUR,
             "cause": cause, "share": float(shares.get(cause, 0.0)),
             "by_light": conditions.share_by(surface, conditions.LIGHT_CAUSES)})
 

@@ -707,11 +707,9 @@ EDGES = {"SHADOW": "in all bands alike: a shadow's edge or a fold, or two greys"
 
 
 def _weak_words(values: Mapping[str, Any]) -> str:
-    """Of how many surfaces colour or spectrum is known weakly, after the sentence of a PASS."""
-    weak = [f"{len(names)} of {values['surfaces']} {word}" for names, word in (
-        (values.get("weak_colours", ()), "colours"), (values.get("weak_spectra", ()), "spectra"))
-        if names]
-    return f" Known weakly: {words.listed(weak)}." if weak else ""
+    """Of how many surfaces the colour is known weakly, after the sentence of a PASS."""
+    weak = len(values.get("weak", ()))
+    return f" The colours of {weak} of {values['surfaces']} are known weakly." if weak else ""
 
 
 def _edge_sentence(values: Mapping[str, Any]) -> str:
@@ -881,8 +879,9 @@ SURFACES: dict[str, Text] = {
         "How well it is known", lambda values: f"“{values['subject']}”: colour within ΔE00 "
         f"{values['colour']:.1f}, spectrum within {values['spectrum']:.2f} (rms), with a "
         f"probability of {words.percent(values['level'], 0)}" + (
-            f"; {words.listed(values['weak'])} known weakly, by {values['cause']} most of all "
-            f"({words.percent(values['share'], 0)} of the variance)." if values["weak"] else "."),
+            f". The colour is known weakly; {values['cause']} makes "
+            f"{words.percent(values['share'], 0)} of the spectrum's variance."
+            if values["weak"] else "."),
         lambda values: LIGHT_REMEDY if values["weak"] and values["by_light"] >= values["share"]
         else "", "ΔE00 {colour:.1f}, {spectrum:.3f}"),
     "truth.not-given": Text(

@@ -117,9 +117,8 @@ class CaptureResult(ABC):
     def verdict(self) -> rules.Verdict:
         """The worst of all findings, and what it rests on."""
         known = [one for one in self.findings if one.code == "surface.known-to"]
-        weak = {f"weak_{word}": [one.subject for one in known if name in one.values["weak"]]
-                for word, name in (("colours", "colour"), ("spectra", "spectrum"))}
-        right = Finding(self.right, Severity.INFO, values={"surfaces": len(known), **weak})
+        right = Finding(self.right, Severity.INFO, values={
+            "surfaces": len(known), "weak": [one.subject for one in known if one.values["weak"]]})
         return rules.Verdict(self.findings, right, conditions.named(self.conditions))
 
     @property
