@@ -116,8 +116,10 @@ class Verdict:
 
     @property
     def condition(self) -> str:
-        """What it rests on, as the end of "if ..."; empty where nothing assumed would be seen."""
-        return texts.conditions(self.conditions)
+        """What it rests on, as the end of "if ..."; empty where nothing assumed would be seen, and
+        of a FAIL, which no condition mends.
+        """
+        return "" if self.severity is Severity.FAIL else texts.conditions(self.conditions)
 
     @property
     def title(self) -> str:
@@ -127,7 +129,7 @@ class Verdict:
     @property
     def says(self) -> str:
         """The sentence, with what it rests on."""
-        if not self.conditions:
+        if not self.condition:
             return self.sentence
         said = self.sentence if self.problems else texts.continued(self.sentence)
         return f"If {self.condition}: {said}"
@@ -306,12 +308,10 @@ def of_camera(fit: CameraFit) -> list[Finding]:
     """All that was found of a camera that was fitted by itself, in the order of a result."""
     calibration, first, copy = fit.chart.calibration, fit.photos[0], fit.chart.copy
     names = first.chart.names
-    light = "" if calibration.products else calibration.light.source
     off = 1 - fit.chart.predicted / first.samples.mean
     return [*calibration.findings,
-            *([] if copy is None else [chart_findings.edition(copy),
-                                       *chart_findings.departures(copy, names, light)]),
-            *chart_findings.at_fault(fit.held_out, names, light),
+            *([] if copy is None else [chart_findings.edition(copy)]),
+            *fit.chart.of_chart(fit.held_out, names),
             *chart_findings.held_out(fit.held_out, names), chart_findings.colours(fit.held_out),
             *chart_findings.chart_residual(off[~first.samples.clipped], not first.editions),
             Finding("fit.of-camera", *ended(fit.sensitivity.outcome))]

@@ -122,11 +122,14 @@ CAUSES: dict[str, tuple[str, str]] = {
 
 def _causes(values: Mapping[str, Any]) -> str:
     """What the patches of a photo allow for, where a finding names no single cause."""
-    named = [CAUSES[cause][0] for cause in values["causes"]]
-    either = f"{', '.join(named[:-1])} or {named[-1]}" if named[1:] else named[0]
-    alone = "its other causes do not explain it as well" if not named[1:] else \
-        "this photo does not tell which"
-    return f"The patches of the chart{values['where']} are off by {either}; {alone}."
+    patches = [name for doubt in values["doubts"].values() for name in (
+        *doubt.get("names", ()), *(row["patch"] for row in doubt.get("patches", ())))]
+    above_all = f", {words.listed([*dict.fromkeys(patches)])} above all" if patches else ""
+    causes = [CAUSES[cause][0] for cause in values["causes"]]
+    either = f"{causes[0]}; no other cause explains them as well" if not causes[1:] else \
+        f"{', '.join(causes[:-1])}, or {causes[-1]}; this photo does not tell which"
+    return (f"The patches of the chart{values['where']} are not as they should be{above_all}. The "
+            f"cause is {either}.")
 
 
 def _causes_told(values: Mapping[str, Any]) -> str:
@@ -137,7 +140,7 @@ def _causes_told(values: Mapping[str, Any]) -> str:
 
 def _undecided(name: str) -> Text:
     return Text(f"{name}{{where}}", _causes, _causes_told,
-                lambda values: " or ".join(values["causes"]), "no doubt")
+                "doubtful", "no doubt")
 
 
 CHART: dict[str, Text] = {
@@ -348,6 +351,13 @@ PATCH_COLOURS = ("These spectra against the chart's reference{where}: CIEDE2000 
                  "average, {median:.1f} in the median, up to {percentile_90:.1f} for 90 % of the "
                  "patches, {largest:.1f} at most.")
 
+# why nothing could be fitted to a chart, by the error that said so
+REFUSALS = {"": "the attempt failed",
+            "CheckError": "no camera under any lamp explains the chart's patches",
+            "CalibrationError": "its patches do not determine a camera",
+            "InputError": "the photo has too few bands",
+            "ConvergenceError": "the fit did not converge"}
+
 CALIBRATION: dict[str, Text] = {
     # the light
     "light.agrees": _no_doubt("Stated light against the chart", lambda values: (
@@ -510,8 +520,8 @@ CALIBRATION: dict[str, Text] = {
         "Edition of the chart", "The edition cannot be told: the camera processed the photo.",
         "A raw photo tells."),
     "edition.not-fitted": Text(
-        "Edition of the chart", "The edition cannot be told, since nothing could be fitted to the "
-        "chart: {error}"),
+        "Edition of the chart", lambda values: "The edition cannot be told, since "
+        f"{REFUSALS.get(values['refusal'], REFUSALS[''])}."),
     "patches.held-out": Text(
         "Chart patches left out, inside the band{where}", _held_out, shown="{value:percent}",
         limit="{expected:percent} expected"),
