@@ -223,15 +223,15 @@ def ranking_of_fit(found: dict[str, Any]) -> chart_causes.Ranking | None:
     """By the photo and its fit; None where nothing could be fitted."""
     if "state" not in found:
         return None
-    return doubts.ranking_of_photo(found["photo"], *found["state"], found["evidence"])
+    patches = doubts.patch_signals(found["photo"], *found["state"])
+    return None if patches is None else doubts.ranked(patches, found["evidence"])
 
 
 def claimed(findings: Sequence[Finding]) -> list[str]:
     """The causes that findings name."""
     named = []
     for one in at_least(findings, Severity.NOTE):
-        if one.code in chart_causes.CLAIMS:
-            named.append(chart_causes.CLAIMS[one.code])
+        named += chart_causes.CLAIMS.get(one.code, ())
         named += one.values.get("causes", [])
     return list(dict.fromkeys(named))
 

@@ -27,6 +27,7 @@ from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.light_field import PicturePoints, light_at_regions
 from spectrabox.calibrate.prior.learnt_prior import read_camera_database
 from spectrabox.fixtures.flat_sample import lamplight, vignetting
+from spectrabox.radiometry import chart_causes
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances, plane_centres
 from spectrabox.radiometry.errors import SpectraboxError
 from spectrabox.radiometry.grid import visible_grid
@@ -142,8 +143,11 @@ def named(data: Path, cases: int, rng: np.random.Generator) -> np.ndarray:
                 prior=prior_without(database, makers == makers[camera]))).calibration
         except SpectraboxError:
             continue                            # a refusal is no PASS
-        rows.append([np.ptp(colour, axis=0).max() * (share > 0),    # one lamp: round-off
-                     "light.two-kinds" in {one.code for one in made.findings}])
+        # by itself, or among the causes that the photo leaves open
+        warned = any(one.code == "light.two-kinds"
+                     or chart_causes.TWO_LIGHTS in one.values.get("causes", ())
+                     for one in made.findings)
+        rows.append([np.ptp(colour, axis=0).max() * (share > 0), warned])   # one lamp: round-off
     return np.array(rows)
 
 

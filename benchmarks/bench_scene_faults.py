@@ -17,7 +17,7 @@ first alone, but gloss in both.
 
 "Neutrals" are walls and cube; "below" are sessions that hold less than 90 % of all surfaces, or of
 a neutral, "wrong" those of them with the verdict PASS, and "unnamed" those of these whose verdict
-does not say that it assumes what is wrong.
+does not say that it assumes what is wrong: no condition after its "if" is that of the fault.
 
     python -m benchmarks.bench_scene_faults [--cases 12] [--faults ...] [--protocols ...]
 """
@@ -63,12 +63,11 @@ LOBES = {"eggshell": 0.5, "eggshell cube": 0.5, "semi-gloss": 0.3}      # roughn
 CARD_CM, CARD_HALF_CM, CARD_REFLECTANCE = np.array([12.0, 4.6, -12.0]), 4.5, 0.48
 CARD_ERROR, CARD_OFF_CM, CARD_TILT_DEG = 0.01, 0.2, 1.5
 SECOND_LAMP_CM = np.array([-14.0, 22.0, 34.0])
-# what the verdict has to say of the fault if it passes: a word of its line
-NAMED = {"exposure 5 %": "lamp and shutter repeated",
-         "lamp moved 2 cm": "lamp and chart stand as stated",
-         "lamp dimmed 5 %": "lamp and shutter repeated",
-         "veil 2 %": "veil", "gloss 3 %": "matt", "eggshell": "matt", "eggshell cube": "matt",
-         "semi-gloss": "matt", "side 2 % wrong": "geometry"}
+# what the verdict has to name if it passes: the condition that does not hold
+NAMED = {"exposure 5 %": "condition.scene-light", "lamp moved 2 cm": "condition.light-place",
+         "lamp dimmed 5 %": "condition.scene-light", "gloss 3 %": "condition.scene-gloss",
+         "eggshell": "condition.scene-gloss", "eggshell cube": "condition.scene-gloss",
+         "semi-gloss": "condition.scene-gloss", "side 2 % wrong": "condition.geometry"}
 FILAMENT_K = 2900.0                     # whose dimming the light's colour follows
 LEVEL = 0.95
 
@@ -269,7 +268,8 @@ def one_run(folder: Path, lights: dict[str, np.ndarray], exposure: Fraction,
     session = sb.Session(folder)
     session.run(device="cpu")
     row: dict[str, Any] = {"verdict": session.verdict, "inside": {}, "width": {}, "off": {},
-                           "rmse": {}, "said": session.spectra.found.verdict.sentence}
+                           "rmse": {}, "named": [
+                               one.code for one in session.spectra.found.verdict.conditions]}
     for name, estimate in session.items():
         if session.config.materials[name].known is None:
             lower, upper = estimate.band(LEVEL)
@@ -319,7 +319,7 @@ def table(rows: dict[str, list[dict[str, Any]]]) -> str:
         passed = np.array([row["verdict"] == "pass" for row in each])
         below = (inside < 0.9) | (neutral.min(axis=1) < 0.9)
         wrong = passed & below
-        unnamed = [is_wrong and NAMED.get(fault, " ") not in row["said"]
+        unnamed = [is_wrong and NAMED.get(fault) not in row["named"]
                    for is_wrong, row in zip(wrong, each, strict=True)]
         error = inside.std(ddof=1) / np.sqrt(len(each)) if len(each) > 1 else np.nan
         lines.append(f"| {fault} | {inside.mean():.3f} +- {error:.3f} | {rmse:.4f} | {width:.3f} | "

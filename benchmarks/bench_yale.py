@@ -31,6 +31,8 @@ from scipy.ndimage import distance_transform_edt
 from spectrabox.calibrate.chart_calibration import calibration_from_curves
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.capture.photo.preview import bin_image, render_size
+from spectrabox.measure import rules, texts
+from spectrabox.radiometry.findings import Severity, at_least
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records.scenes import LearntSpectra, Reconstruction
 from spectrabox.radiometry.records.spectra import Quantity
@@ -176,7 +178,7 @@ def row(one: dict[str, Any]) -> str:
             f"  {one['seconds']:.1f} s  scale {one['scale']:.0f}")
 
 
-def inconsistencies(found: Reconstruction) -> list[str]:
+def inconsistencies(found: Reconstruction, bands: tuple[str, ...]) -> list[str]:
     """What photo and scene contradict each other in."""
     shift = edge_shift(found.measured, found.rendered)[0]
     lines = [f"shift of the photo against the rendering: {shift[0]:+.1f}, {shift[1]:+.1f} of "
@@ -184,7 +186,8 @@ def inconsistencies(found: Reconstruction) -> list[str]:
     lines += [f"{name}: photo / rendering {' '.join(f'{value:.2f}' for value in ratio)}"
               for name, ratio in zip(found.agreement.names, found.agreement.ratio, strict=True)]
     lines += exponents(found)
-    return lines + [note for note in found.notes if "does not fit" in note or "mixed" in note]
+    noted = at_least((*rules.misfits_of(found, bands, ""), *found.findings), Severity.NOTE)
+    return lines + [texts.sentence(one) for one in noted]
 
 
 def exponents(found: Reconstruction) -> list[str]:
@@ -224,7 +227,7 @@ def main() -> None:
     for method, settings in chosen.items():
         for view, truth in boxes:
             rows = one_photo(view, truth, settings)
-            contradictions[view.name] = inconsistencies(rows[0]["found"])
+            contradictions[view.name] = inconsistencies(rows[0]["found"], view.bands)
             if method == LEARNT:
                 rows.append(without_scale(view, truth, rows[1]["found"], settings))
                 shift = edge_shift(rows[0]["found"].measured, rows[0]["found"].rendered)[0]

@@ -7,7 +7,15 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from spectrabox.calibrate import chart_copy, chart_photo, doubts, joint_estimate, sensitivity, trust
+from spectrabox.calibrate import (
+    chart_copy,
+    chart_findings,
+    chart_photo,
+    doubts,
+    joint_estimate,
+    sensitivity,
+    trust,
+)
 from spectrabox.calibrate.chart_equations import ChartEquations
 from spectrabox.calibrate.colour_drift import colour_drift
 from spectrabox.calibrate.held_out_patches import PatchesWithout, in_chart_order
@@ -15,8 +23,9 @@ from spectrabox.calibrate.light_error import LightDeparture, light_departures
 from spectrabox.calibrate.prior.camera_prior import SMOOTH_SOURCE, CameraPrior
 from spectrabox.calibrate.prior.curve_posterior import relit
 from spectrabox.calibrate.spline_fit import SPLINE_COEFFICIENTS
+from spectrabox.radiometry import chart_causes
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.findings import Finding, Severity
+from spectrabox.radiometry.findings import Finding, Severity, worst
 from spectrabox.radiometry.interreflection import response_matrix
 from spectrabox.radiometry.light_scale import scale_from_signals
 from spectrabox.radiometry.records import spectra
@@ -24,6 +33,7 @@ from spectrabox.radiometry.records.calibration import (
     Calibration,
     ChartCopy,
     ChartWhite,
+    HeldOutPatches,
     LightPosterior,
     LightScale,
     PriorInfluence,
@@ -65,6 +75,30 @@ class ChartCalibration(Record):
     light_evidence: tuple[doubts.LightEvidence,
                           ...] = ()  # on each light of which something was stated
     copy: ChartCopy | None = None                   # None: the reflectances were stated
+    # of the first photo: what the causes of its faults are told from
+    patches: chart_causes.PatchSignals | None = None
+
+    def of_chart(self, patches: HeldOutPatches, names: Sequence[str]) -> list[Finding]:
+        """What is wrong with the first photo's chart itself, and what may be the cause.
+
+        Parameters
+        ----------
+        patches : HeldOutPatches
+            Of that chart.
+        names : sequence of I str
+            Of its patches.
+        """
+        light = "" if self.calibration.products else self.calibration.light.source
+        found = doubts.told_apart(chart_findings.at_fault(patches, names, light), self.patches,
+                                  self.light_evidence)
+        # what the fit says already is not said twice
+        known = worst(one for one in self.calibration.findings
+                      if one.code == doubts.UNDECIDED_CAUSE)
+        found = [one for one in found if one.code != doubts.UNDECIDED_CAUSE
+                 or one.severity.value > known.value]
+        if self.copy is not None:
+            found += chart_findings.departures(self.copy, names, light)
+        return found
 
     @property
     def prior_influence(self) -> PriorInfluence | None:
@@ -157,7 +191,8 @@ def _calibrated(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Waveleng
     if fitted.light is None:
         findings += doubts.colour_matrix(first.samples.camera_from_xyz, fit.curves, grid)
     if fitted.prior_fit is not None:
-        findings = doubts.told_apart(findings, fitted.prior_fit, fitted.used, fitted.evidence)
+        number = doubts.worst_explained(fitted.prior_fit, fitted.used)
+        findings = doubts.told_apart(findings, _patch_signals(fitted, number), fitted.evidence)
 
     calibration = Calibration(fit, light, None if first.irradiance is None else scale, covariance,
                               tuple(findings), fitted.light,
@@ -167,7 +202,8 @@ def _calibrated(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Waveleng
                             first.samples.saturated, fitted.cleaned, first.reflectances,
                             fitted.departures, fitted.evidence,
                             None if fitted.prior_fit is None else
-                            chart_copy.copy_of_chart(photos, fitted.prior_fit, grid))
+                            chart_copy.copy_of_chart(photos, fitted.prior_fit, grid),
+                            _patch_signals(fitted, 0))
 
 
 class _Fitted(NamedTuple):
@@ -186,6 +222,13 @@ class _Fitted(NamedTuple):
     departures: tuple[LightDeparture, ...] = ()
     evidence: tuple[doubts.LightEvidence, ...] = ()
     used: tuple[ChartEquations, ...] = ()
+
+
+def _patch_signals(fitted: _Fitted, number: int) -> chart_causes.PatchSignals | None:
+    if fitted.prior_fit is None:
+        return None
+    state = fitted.prior_fit.photos[number]
+    return doubts.patch_signals(fitted.used[number], state.predicted, state.glare, state.field)
 
 
 def _require_usable(photos: Sequence[chart_photo.ChartPhoto], chosen: CalibrationOptions) -> None:

@@ -5,7 +5,7 @@ calibration without it; patches that others contradict.
 """
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -33,6 +33,7 @@ TOLD = 2.0
 # the tests' small photos reach .022. Of a soiled white .02 to .06 are missing, a tone curve is off
 # by 2.6 to 3.5.
 LEFT_OUT_SHORT, LEFT_OUT_COLOUR = 0.03, 2.0
+AT_FAULT = {"patches.glare", "patches.unlike-reference", "patches.unlike-reference-or-light"}
 CHART_LIMITS = (0.03, 0.10)   # rms of (photo - predicted) / photo: passes up to, fails beyond
 
 
@@ -217,6 +218,17 @@ def at_fault(patches: HeldOutPatches, names: Sequence[str], light: str = "") -> 
     matters = [patch for patch in np.flatnonzero(level).tolist()
                if abs(_brighter(patches, patch)[0]) > LARGE_DEPARTURE]
     return [Finding(code, Severity.WARN if matters else Severity.NOTE, values=values)]
+
+
+def of_patches(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Those of ``at_fault``, or that took their place when their cause was looked for.
+
+    Parameters
+    ----------
+    findings : iterable of Finding
+    """
+    return tuple(one for one in findings
+                 if AT_FAULT & {one.code, *one.values.get("doubts", ())})
 
 
 def poor_patches(patches: HeldOutPatches, names: Sequence[str]) -> list[dict[str, Any]]:

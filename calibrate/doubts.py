@@ -256,40 +256,57 @@ def disagreeing_bands(signal: np.ndarray, held_out: np.ndarray,
 
 # ---- causes that compete -------------------------------------------------------------------------
 
-def told_apart(findings: Sequence[Finding], fit: PriorFit, photos: Sequence[ChartEquations],
+def told_apart(findings: Sequence[Finding], patches: chart_causes.PatchSignals | None,
                evidence: Sequence[LightEvidence]) -> list[Finding]:
     """Findings of a fit, of which those that name a cause stay where its rivals are excluded.
 
-    In place of the others comes one with the causes that are not. Of several photos the one decides
-    that the fit explains worst. Photos through a filter, in more bands than
-    three, or of a chart under known irradiance say too little or another thing: findings stay as
-    they are.
+    In place of the others comes one with the causes that are not.
 
     Parameters
     ----------
     findings : sequence of Finding
-    fit : PriorFit
-    photos : sequence of ChartEquations
-        That it was made from.
+    patches : PatchSignals or None
+        Of the photo that they are about; without them findings stay as they are.
     evidence : sequence of LightEvidence
         On the lights of photos, as far as something is stated of them.
     """
-    if not chart_causes.claims(findings):
+    if patches is None or not chart_causes.claims(findings):
         return list(findings)
-    off = [np.sqrt(np.mean((1 - state.predicted / photo.signal) ** 2))
-           for photo, state in zip(photos, fit.photos, strict=True)]
-    worst = int(np.argmax(off))
-    state = fit.photos[worst]
-    found = ranking_of_photo(photos[worst], state.predicted, state.glare, state.field, evidence)
-    return list(findings) if found is None \
-        else chart_causes.settled(findings, found, UNDECIDED_CAUSE)
+    return chart_causes.settled(findings, ranked(patches, evidence), UNDECIDED_CAUSE)
 
 
-def ranking_of_photo(photo: ChartEquations, predicted: np.ndarray, glare: np.ndarray,
-                     field: np.ndarray, evidence: Sequence[LightEvidence]
-                     ) -> chart_causes.Ranking | None:
-    """How well each cause explains a chart photo, by what a fit makes of it; None where the causes
-    are no model of it.
+def ranked(patches: chart_causes.PatchSignals,
+           evidence: Sequence[LightEvidence]) -> chart_causes.Ranking:
+    """How well each cause explains a chart photo.
+
+    Parameters
+    ----------
+    patches, evidence
+        As of ``told_apart``.
+    """
+    against = max((one.against for one in evidence), default=0.0)
+    return chart_causes.ranked(patches, {chart_causes.LIGHT: max(against, 0.0)})
+
+
+def worst_explained(fit: PriorFit, photos: Sequence[ChartEquations]) -> int:
+    """Number of the photo that a fit explains worst.
+
+    Parameters
+    ----------
+    fit : PriorFit
+    photos : sequence of ChartEquations
+        That it was made from.
+    """
+    return int(np.argmax([np.sqrt(np.mean((1 - state.predicted / photo.signal) ** 2))
+                          for photo, state in zip(photos, fit.photos, strict=True)]))
+
+
+def patch_signals(photo: ChartEquations, predicted: np.ndarray, glare: np.ndarray,
+                  field: np.ndarray) -> chart_causes.PatchSignals | None:
+    """What the causes of a chart photo are told from, by what a fit makes of it.
+
+    None where the causes are no model of it: photos through a filter, in other bands than three, or
+    of a chart under known irradiance say too little or another thing.
 
     Parameters
     ----------
@@ -298,14 +315,10 @@ def ranking_of_photo(photo: ChartEquations, predicted: np.ndarray, glare: np.nda
         Signals of its patches, with ``glare`` (K,) and ``field`` (I,) in them.
     glare, field
         Of the fit.
-    evidence : sequence of LightEvidence
-        As of ``told_apart``.
     """
     if photo.filter is not None or photo.signal.shape[1] != COLOURS \
             or photo.field_terms.shape[1] < 2:
         return None
-    against = max((one.against for one in evidence), default=0.0)
-    return chart_causes.ranked(chart_causes.PatchSignals(
+    return chart_causes.PatchSignals(
         np.where(photo.readable, photo.signal, np.nan), (predicted - glare) / field[:, None],
-        np.sqrt(np.einsum("ikk->ik", photo.covariance)), photo.field_terms[:, :2], MIXING_SD),
-        {chart_causes.LIGHT: max(against, 0.0)})
+        np.sqrt(np.einsum("ikk->ik", photo.covariance)), photo.field_terms[:, :2], MIXING_SD)

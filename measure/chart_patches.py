@@ -77,7 +77,7 @@ def edition_in_photo(image: photos.LinearImage, chart: Chart,
     """
     edition, failed = attempt("edition of the chart", lambda: _edition(image, chart, samples), None)
     if failed is not None:
-        return replace(_not_fitted(failed.values["error"]), failed=failed)
+        return replace(_not_fitted(""), failed=failed)
     assert edition is not None
     return edition
 
@@ -96,7 +96,7 @@ def _edition(image: photos.LinearImage, chart: Chart, samples: photos.PatchSampl
         copy = calibrate_chart([ChartPhoto(samples, of[0].mean, UnknownLight(), chart=chart,
                                            editions=of)], FINE_GRID).copy
     except SpectraboxError as error:
-        return _not_fitted(str(error))
+        return _not_fitted(type(error).__name__)
     assert copy is not None, "a chart of several editions has a copy"
     told, nats = chart_findings.edition_told(copy), chart_findings.evidence_since(copy)
     return ChartEdition(told, nats, Finding("edition.told", Severity.INFO, values={
@@ -107,8 +107,9 @@ def _not_told(finding: Finding) -> ChartEdition:
     return ChartEdition(None, None, finding)
 
 
-def _not_fitted(error: str) -> ChartEdition:
-    return _not_told(Finding("edition.not-fitted", Severity.INFO, values={"error": error}))
+def _not_fitted(refusal: str) -> ChartEdition:
+    """By the kind of error that refused the chart; empty of one that is unexpected."""
+    return _not_told(Finding("edition.not-fitted", Severity.INFO, values={"refusal": refusal}))
 
 
 # ---- the patches of a chart in a photo as a table ------------------------------------------------

@@ -22,7 +22,7 @@ from spectrabox.measure.surfaces.surface_spectra import Scores, score
 from spectrabox.radiometry import appearance
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.files import in_folder, write_text_whole
-from spectrabox.radiometry.findings import Finding
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.spectra import (
     Outcome,
     Quantity,
@@ -72,8 +72,8 @@ class Estimate:
         The one spectrum of the fit to the photo of a scene.
     given : (nm, reflectance) or None
         Of a surface whose spectrum is known.
-    caveats : tuple of str
-        What was not stated of a signal, and what was taken instead, in sentences.
+    stated : tuple of Finding
+        What was not stated of a signal, and what was taken instead.
     truth : Spectrum or None
         A measured reflectance to compare with.
 
@@ -99,7 +99,7 @@ class Estimate:
     samples: SpectrumSamples | None = None
     inverse_rendering: np.ndarray | None = None
     given: tuple[np.ndarray, np.ndarray] | None = None
-    caveats: tuple[str, ...] = ()
+    stated: tuple[Finding, ...] = ()
     truth: Spectrum | None = None
     # what was solved before, so that it need not be solved again: the posterior, or how it ended,
     # the shares of families in it and of causes in its variance
@@ -110,7 +110,7 @@ class Estimate:
     # the draws rest on more than ``measurement``: further readings, or all surfaces of a scene
     from_more: bool = False
     bounds_from: str = "all measurements"
-    contradicting: tuple[str, ...] | None = None    # of further measurements, in sentences
+    contradicting: tuple[Finding, ...] | None = None    # of further measurements
     # forecasts what to do next, which takes a while: called when it is asked for
     advise: Callable[[], tuple[Advice, ...]] = tuple
 
@@ -351,18 +351,32 @@ class Estimate:
             shares, self.prior.stated, self.prior.certificates) if shares else ()
 
     @property
-    def certificate(self) -> str | None:
-        """What 95 % bands of these families held on unseen surfaces, in a sentence; None without
-        the learnt prior.
+    def tested(self) -> list[Finding]:
+        """What 95 % bands of these families held on unseen surfaces; none without the learnt prior.
         """
         if self.prior is None:
-            return None
-        if self._outcome is Outcome.UNFAMILIAR:
-            return ("No certificate of a family: no library that was judged has colours like this "
-                    "one.")
-        if not self._outcome.as_intended:
-            return "No certificate: bands of the smoothness prior were never judged."
-        return family_coverage.certified_sentence(self.families)
+            return []
+        if self._outcome.as_intended:
+            return family_coverage.certified(self.families)
+        return [Finding("families.none-alike" if self._outcome is Outcome.UNFAMILIAR
+                        else "families.smoothness", Severity.INFO)]
+
+    @property
+    def certificate(self) -> str | None:
+        """The same in a sentence; None without the learnt prior."""
+        return None if self.prior is None else texts.paragraph(self.tested)
+
+    @property
+    def caveats(self) -> tuple[str, ...]:
+        """What was not stated of its signal, and what was taken instead, in sentences."""
+        return tuple(map(texts.says, self.stated))
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What was not stated, what contradicts it, how it ended and what it is conditional on, and
+        on what surfaces its bands were tested.
+        """
+        return (*self.stated, *(self.contradicting or ()), *self._ending, *self.tested)
 
     @cached_property
     def scores(self) -> Scores | None:
@@ -385,10 +399,10 @@ class Estimate:
         """How the estimate ended, and what it is conditional on, in a sentence."""
         if self.given is not None:
             return "The spectrum was given."
-        return texts.paragraph(self.findings)
+        return texts.paragraph(self._ending)
 
     @property
-    def findings(self) -> tuple[Finding, ...]:
+    def _ending(self) -> tuple[Finding, ...]:
         """How the estimate ended, and what it is conditional on; nothing if it was given."""
         if self.given is not None:
             return ()
@@ -550,7 +564,7 @@ class Estimate:
             "conditional_on": texts.paragraph(summary.conditional_on),
             "next_measurement_nm": summary.next_measurement_nm, "bounds_from": self.bounds_from}
         if self.contradicting is not None:
-            facts["doubtful"] = list(self.contradicting)
+            facts["doubtful"] = [*map(texts.says, self.contradicting)]
         if self.causes:
             facts["error_budget"] = self.causes
         if self.prior is not None:
@@ -560,6 +574,7 @@ class Estimate:
                       "certificate": self.certificate}
         if self.name:
             facts["name"] = self.name
+        facts["findings"] = [texts.facts(one) for one in self.findings]
         if self.caveats:
             facts["caveat"] = "\n".join(self.caveats)
         return facts
@@ -584,7 +599,7 @@ class Estimate:
             lines.append("variance from: " + ", ".join(
                 f"{cause} {100 * share:.1f} %" for cause, share in self.causes.items()
                 if share > 0))
-        lines += self.contradicting or ()
+        lines += map(texts.says, self.contradicting or ())
         lines += [*self.caveats, self.outcome]
         if self.certificate is not None:
             lines.append(self.certificate)

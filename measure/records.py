@@ -145,10 +145,6 @@ class PictureRecords(Record):
     rounds: Annotated[np.ndarray, "I"] | None = None
     findings: tuple[Finding, ...] = ()          # of its photos and its light
 
-    def sentence(self, folder: str) -> str:
-        """Where its files are."""
-        return f"picture: {len(self.files)} files in {folder}"
-
     @property
     def reasons(self) -> list[tuple[str, str, float]]:
         """Words, colour on the map and share of every reason for which a pixel has no spectrum."""

@@ -50,6 +50,7 @@ ONE_PAINT = 0.25
 MEDIAN_LIMITS = (0.02, 0.05)
 WORST_LIMITS = (0.05, 0.15)
 SURFACE_OFF = 0.05                    # of a surface that is named without being beyond chance
+BANDS_ALIKE = 0.3                     # of its deviation: what its bands differ by where all are off
 MAX_NAMED = 3                         # surfaces of which each is said by itself
 # Standard errors: by which known surfaces and chart may differ in the level of the light, or a band
 # of it in colour. One of a hundred right pairs of photos differs by 2.6 in level.
@@ -116,8 +117,10 @@ class Verdict:
 
     @property
     def condition(self) -> str:
-        """What it rests on, as the end of "if ..."; empty where nothing assumed would be seen."""
-        return texts.conditions(self.conditions)
+        """What it rests on, as the end of "if ..."; empty where nothing assumed would be seen, and
+        of a FAIL, which no condition mends.
+        """
+        return "" if self.severity is Severity.FAIL else texts.conditions(self.conditions)
 
     @property
     def title(self) -> str:
@@ -127,7 +130,7 @@ class Verdict:
     @property
     def says(self) -> str:
         """The sentence, with what it rests on."""
-        if not self.conditions:
+        if not self.condition:
             return self.sentence
         said = self.sentence if self.problems else texts.continued(self.sentence)
         return f"If {self.condition}: {said}"
@@ -305,12 +308,10 @@ def of_camera(fit: CameraFit) -> list[Finding]:
     """All that was found of a camera that was fitted by itself, in the order of a result."""
     calibration, first, copy = fit.chart.calibration, fit.photos[0], fit.chart.copy
     names = first.chart.names
-    light = "" if calibration.products else calibration.light.source
     off = 1 - fit.chart.predicted / first.samples.mean
     return [*calibration.findings,
-            *([] if copy is None else [chart_findings.edition(copy),
-                                       *chart_findings.departures(copy, names, light)]),
-            *chart_findings.at_fault(fit.held_out, names, light),
+            *([] if copy is None else [chart_findings.edition(copy)]),
+            *fit.chart.of_chart(fit.held_out, names),
             *chart_findings.held_out(fit.held_out, names), chart_findings.colours(fit.held_out),
             *chart_findings.chart_residual(off[~first.samples.clipped], not first.editions),
             Finding("fit.of-camera", *ended(fit.sensitivity.outcome))]
@@ -418,6 +419,7 @@ def scene_findings(found: SceneResult) -> list[Finding]:
     return [*agreement, *misfits,
             Finding("fit.of-scene", *ended(found.reconstruction.outcome)),
             *(one for photo, made, _ in photos for one in light_of_known(made, photo)),
+            *(one for photo, made, bands in photos for one in of_fit(made, bands, photo)),
             *rehearsed(found.rehearsal), clipped_scene(found.photo.clipped_share),
             *surfaces_off(found), *not_corrected(found)]
 
@@ -514,13 +516,41 @@ def light_of_known(made: Reconstruction, photo: str) -> list[Finding]:
     return rows
 
 
+def of_fit(made: Reconstruction, bands: tuple[str, ...], photo: str) -> list[Finding]:
+    """What the fit found of a photo: where it disagrees, what was corrected, what is prior."""
+    return [agreement_in(made.agreement, bands, photo),
+            *(one if one.subject else of_photo(one, photo) for one in made.findings)]
+
+
+def agreement_in(agreement: SurfaceAgreement, bands: tuple[str, ...], photo: str = "") -> Finding:
+    """On which surfaces photo and rendering disagree, the worst first, and by how much.
+
+    Parameters
+    ----------
+    agreement : SurfaceAgreement
+    bands : tuple of K str
+        Names of the columns of ``agreement.ratio``.
+    photo : str
+    """
+    ratio = agreement.ratio
+    compared = np.isfinite(ratio).all(axis=1)
+    deviation = np.where(compared[:, None], np.abs(ratio - 1), 0.0)
+    largest = deviation.max(axis=1, initial=0.0)
+    off = [index for index in np.argsort(-largest, kind="stable").tolist()
+           if largest[index] > SURFACE_OFF]
+    alike = bool(off) and bool(np.ptp(ratio[off[0]]) < BANDS_ALIKE * largest[off[0]])
+    worst_bands = deviation.argmax(axis=1)
+    return Finding("scene.agreement", Severity.INFO, photo, {
+        "compared": int(compared.sum()), "largest": float(largest.max(initial=0.0)),
+        "limit": SURFACE_OFF, "all_bands_alike": alike,
+        "off": [{"surface": agreement.names[index], "band": bands[worst_bands[index]],
+                 "ratio": float(ratio[index, worst_bands[index]])} for index in off],
+        "not_compared": [agreement.names[index] for index in np.flatnonzero(~compared).tolist()]})
+
+
 def rehearsed(last: Rehearsed | None) -> list[Finding]:
     """Whether bands held known truths in the last rehearsal."""
-    if last is None:
-        return []
-    return [Finding("scene.rehearsed", Severity.WARN if last.too_narrow else Severity.INFO,
-                    last.worst.name, {"value": last.worst.coverage, "intended": last.level,
-                                      "times": last.times, "photo": ""})]
+    return [] if last is None else [last.finding]
 
 
 def clipped_scene(share: float) -> Finding:

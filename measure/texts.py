@@ -122,11 +122,14 @@ CAUSES: dict[str, tuple[str, str]] = {
 
 def _causes(values: Mapping[str, Any]) -> str:
     """What the patches of a photo allow for, where a finding names no single cause."""
-    named = [CAUSES[cause][0] for cause in values["causes"]]
-    either = f"{', '.join(named[:-1])} or {named[-1]}" if named[1:] else named[0]
-    alone = "its other causes do not explain it as well" if not named[1:] else \
-        "this photo does not tell which"
-    return f"The patches of the chart{values['where']} are off by {either}; {alone}."
+    patches = [name for doubt in values["doubts"].values() for name in (
+        *doubt.get("names", ()), *(row["patch"] for row in doubt.get("patches", ())))]
+    above_all = f", {words.listed([*dict.fromkeys(patches)])} above all" if patches else ""
+    causes = [CAUSES[cause][0] for cause in values["causes"]]
+    either = f"{causes[0]}; no other cause explains them as well" if not causes[1:] else \
+        f"{', '.join(causes[:-1])}, or {causes[-1]}; this photo does not tell which"
+    return (f"The patches of the chart{values['where']} are not as they should be{above_all}. The "
+            f"cause is {either}.")
 
 
 def _causes_told(values: Mapping[str, Any]) -> str:
@@ -137,7 +140,7 @@ def _causes_told(values: Mapping[str, Any]) -> str:
 
 def _undecided(name: str) -> Text:
     return Text(f"{name}{{where}}", _causes, _causes_told,
-                lambda values: " or ".join(values["causes"]), "no doubt")
+                "doubtful", "no doubt")
 
 
 CHART: dict[str, Text] = {
@@ -348,6 +351,13 @@ PATCH_COLOURS = ("These spectra against the chart's reference{where}: CIEDE2000 
                  "average, {median:.1f} in the median, up to {percentile_90:.1f} for 90 % of the "
                  "patches, {largest:.1f} at most.")
 
+# why nothing could be fitted to a chart, by the error that said so
+REFUSALS = {"": "the attempt failed",
+            "CheckError": "no camera under any lamp explains the chart's patches",
+            "CalibrationError": "its patches do not determine a camera",
+            "InputError": "the photo has too few bands",
+            "ConvergenceError": "the fit did not converge"}
+
 CALIBRATION: dict[str, Text] = {
     # the light
     "light.agrees": _no_doubt("Stated light against the chart", lambda values: (
@@ -510,8 +520,8 @@ CALIBRATION: dict[str, Text] = {
         "Edition of the chart", "The edition cannot be told: the camera processed the photo.",
         "A raw photo tells."),
     "edition.not-fitted": Text(
-        "Edition of the chart", "The edition cannot be told, since nothing could be fitted to the "
-        "chart: {error}"),
+        "Edition of the chart", lambda values: "The edition cannot be told, since "
+        f"{REFUSALS.get(values['refusal'], REFUSALS[''])}."),
     "patches.held-out": Text(
         "Chart patches left out, inside the band{where}", _held_out, shown="{value:percent}",
         limit="{expected:percent} expected"),
@@ -555,6 +565,25 @@ def _not_registered(values: Mapping[str, Any]) -> str:
             "whether the camera moved: regions are taken where the first photo shows them." + chart)
 
 
+def _photo_of_regions(values: Mapping[str, Any]) -> str:
+    """Of one of several photos: its light, its chart, how it was registered, what it lacks."""
+    lamp = values["light"] if values["lamp_of"] == values["subject"] \
+        else f"the lamp of “{values['lamp_of']}”"
+    if values["moved"]:
+        lamp += " in another place" if values["moved"] == values["subject"] \
+            else f" as in “{values['moved']}”"
+    parts = [f"light: {lamp}" + (f" through {values['filter']}" if values["filter"] else "")]
+    if values["chart_held"] is not None:
+        parts.append("bands of its chart's left-out patches hold "
+                     f"{words.percent(values['chart_held'], 0)}")
+    if values["shift_px"] is not None:
+        left = "" if values["residual_px"] is None else f", within {values['residual_px']:.1f}"
+        parts.append(f"shifted by {values['shift_px']:.1f} pixels against the first photo{left}")
+    if values["left_out_bands"]:
+        parts.append(f"too dark or saturated and left out: {', '.join(values['left_out_bands'])}")
+    return f"Photo “{values['subject']}”: {'; '.join(parts)}."
+
+
 PHOTOS: dict[str, Text] = {
     # developing
     "dark.hot-pixels": Text("Dark frame", "Dark frame {subject}: {hot} hot pixels.",
@@ -578,6 +607,7 @@ PHOTOS: dict[str, Text] = {
         "{scatter:percent0} beyond noise and even light, and its spectrum is the mean of what lies "
         "in it.", "Outline a smaller part for one paint.", "{scatter:percent0}",
         "{limit:percent0}"),
+    "photo.of-regions": Text("Photo", lambda values: _photo_of_regions(values)),
     # the picture of spectra
     "picture.without-photo": Text(
         "Photos of the picture", "Photo “{subject}” shows no region of the first photo: the "
@@ -600,6 +630,16 @@ PHOTOS: dict[str, Text] = {
     "picture.no-texture": Text(
         "Textures", lambda values: f"No texture of {', '.join(values['names'])}: several of their "
         "parts in the photo share texture coordinates."),
+    # white and camera of a picture without a session
+    "white.camera-explains-chart": Text(
+        "Camera and light against the chart", "The chart's patches agree with camera and light "
+        "within {value:percent} rms.", shown="{value:percent}", limit=RESIDUAL_LIMITS),
+    "white.camera-unlike-chart": Text(
+        "Camera and light against the chart", "The chart's patches are off by {value:percent0} rms "
+        "from what this camera and light predict ({passes:percent0} is good, beyond "
+        "{fails:percent0} is refused): the spectra err by more than their standard deviation "
+        "says.", "Fit the camera to this chart (spectrabox camera fit) and give those curves, or "
+        "measure the photo with spectrabox flat.", "{value:percent}", RESIDUAL_LIMITS),
     # exposure
     "photo.clipped": Text(
         "Clipping", "{clipped:percent} of the pixels are clipped.", "Expose 1.0 stops shorter.",
@@ -731,6 +771,33 @@ SCENES: dict[str, Text] = {
     "scene.right": Text("", lambda values: "Photo, rendering and calibration agree within the "
                         "limits." + _weak_words(values)),
     "fit.of-scene": _fit("Inverse rendering"),
+    "fit.determined": Text(
+        "What the photo decides", "Of the {coefficients} coefficients of “{subject}” the photo "
+        "decides {by_photo}: {by_colour} by the surface's own colour, {by_interreflection} only by "
+        "interreflection. {by_prior} are left to the prior."),
+    "fit.lights-corrected": Text(
+        "Brightness of the lights{where}", lambda values: "The fit makes the lights"
+        f"{values['where']} brighter or darker than the scene says, by the factors "
+        + ", ".join(f"{light} {factor:.3g}" for light, factor in values["factors"].items()) + "."),
+    "fit.bands-mixed": Text(
+        "Mixing of the bands{where}", lambda values: "The fit mixes the bands"
+        f"{values['where']}, as colour processing does, from {' '.join(values['bands'])}: "
+        + "; ".join(f"{band} = {' '.join(f'{share:+.2f}' for share in row)}"
+                    for band, row in zip(values["bands"], values["mixing"], strict=True)) + "."),
+    "fit.gradient-engine": Text(
+        "Engine", lambda values: f"The gradient engine was chosen, since {_quoted(values['names'])}"
+        f" {'is' if len(values['names']) == 1 else 'are'} coated or glossy: such light is no plain "
+        "product of reflectances, as the transport engine needs."),
+    "fit.descent-ended": Text(
+        "Steps of the descent", "The descent stopped after {steps} of at most {limit} steps: its "
+        "error no longer fell by more than its noise."),
+    "scene.shifted": Text(
+        "Position of the photo{where}", "The photo{where} is shifted against the scene by "
+        "{right_px:+.1f} pixels to the right and {down_px:+.1f} down, of {width_px} across: its "
+        "edges then agree with a correlation of {correlation:.2f}, unmoved {unmoved:.2f}.",
+        "Check the camera's pose, and whether the photo was cropped."),
+    "scene.agreement": Text("Photo against rendering{where}",
+                            lambda values: _agreement_sentence(values)),
     "scene.median": Text(
         "Photo against rendering, |ratio − 1| of the worst band, median over surfaces{where}",
         "Half of the surfaces agree with the photo within {value:percent} in every band{where}.",
@@ -816,6 +883,28 @@ def _quoted(names: list[str]) -> str:
     return words.listed([f"“{name}”" for name in names])
 
 
+def _agreement_sentence(values: Mapping[str, Any]) -> str:
+    """Where photo and rendering disagree and by how much."""
+    compared, off = values["compared"], values["off"]
+    if not compared:
+        return (f"No surface could be compared{values['where']}, so nothing is known of how well "
+                "the rendering fits the photo.")
+    missing = values["not_compared"]
+    unknown = f" Not compared in every band: {words.listed(missing)}." if missing else ""
+    if not off:
+        return (f"On all {compared} compared surfaces photo and rendering agree within "
+                f"{words.percent(values['largest'])} in every band{values['where']}.{unknown}")
+    named = words.listed([f"“{row['surface']}” (photo {words.deviation_words(row['ratio'])} in "
+                          f"{row['band']})" for row in off])
+    suspects = ("all bands are off by the same factor: geometry, light position or shadow is the "
+                "first suspect, not the spectrum." if values["all_bands_alike"] else
+                "the bands differ: the spectrum of this surface, or of the light it gets, is the "
+                "first suspect.")
+    return (f"On {compared - len(off)} of {compared} compared surfaces photo and rendering agree "
+            f"within {words.percent(values['limit'], 0)} in every band{values['where']}. They "
+            f"disagree on {named}. On “{off[0]['surface']}” {suspects}{unknown}")
+
+
 def _doubted(values: Mapping[str, Any]) -> str:
     return f", {values['value']:.1f} standard errors" if values["beyond"] \
         else ", which is corrected"
@@ -848,6 +937,28 @@ def _ended(said: str) -> Text:
         + _filled_with(said, values), shown="with a reservation", limit="as intended")
 
 
+TESTED_ON = {"libraries": "measured libraries", "models": "models, no measured library",
+             "own-model": "its own model, not left out, no measured library"}
+
+
+def _tested_family(row: Mapping[str, Any]) -> str:
+    """What bands held of one family."""
+    if row["on"] is None:
+        return f"{row['name']} was not tested"
+    return (f"{row['name']} {100 * row['coverage']:.1f} % at a mean width of {row['width']:.3f} "
+            f"({TESTED_ON[row['on']]})")
+
+
+def _doubtful_camera(values: Mapping[str, Any]) -> str:
+    code = values["code"]
+    return ("The camera's fit is doubtful: "
+            + says(Finding(code, Severity.WARN, values["subject"], values["doubt"])))
+
+
+def _capital(said: str) -> str:
+    return said[:1].upper() + said[1:]
+
+
 def _families(values: Mapping[str, Any]) -> str:
     allowed = ", ".join(f"{name} {100 * share:.0f} %" for name, share in values["shares"].items())
     if not values["stated"]:
@@ -864,6 +975,42 @@ SURFACES: dict[str, Text] = {
         "Samplers", lambda values: f"Sampler of every estimated surface: "
         f"{OUTCOMES[values['outcome']]}", shown="as intended", limit="as intended"),
     **{f"draws.{outcome}": _ended(said) for outcome, said in OUTCOMES.items()},
+    # of a signal by itself
+    "signal.no-white": Text(
+        "White of the signal", "No white was stated (--white, white=): the signal is taken as "
+        "relative to a perfect white, which values of a raw photo are not."),
+    "signal.no-noise": Text(
+        "Noise of the signal", "No noise was stated (--noise, noise=): the signal is taken as "
+        "exact, and the band is narrower than a photo's."),
+    "signal.of-srgb": Text(
+        "Kind of signal", "An sRGB colour is what a camera's processing or a designer made: these "
+        "are spectra of surfaces that would look so in daylight, not of what was photographed."),
+    "signal.srgb-nearly-black": Text(
+        "Scale of the signal", "R, G, B are taken with 255 for white, so that this colour is "
+        "nearly black.", "Multiply them by 255 where white is 1."),
+    "signal.xyz-nearly-black": Text(
+        "Scale of the signal", "X, Y, Z are taken with Y = 100 for white, so that this colour is "
+        "nearly black.", "Multiply them by 100 where white has Y = 1."),
+    "camera.errors-not-used": Text(
+        "Errors of the camera's curves", lambda values: "The camera's curves have standard errors "
+        f"({100 * values['error']:.2g} % of the highest peak, root mean square), which are not "
+        "used here: the band is narrower than they make it.", "State an error of each curve "
+        "(--sensitivity-error, sensitivity_error=), or measure by the chart of the photo itself "
+        "(spectrabox flat)."),
+    "camera.doubtful": Text("Fit of the camera", lambda values: _doubtful_camera(values)),
+    "reading.hard-to-believe": Text(
+        "Further measurement", lambda values: f"{_capital(values['subject'])} is hard to believe "
+        f"beside the others: {values['value']:.3g} was measured and {values['expected']:.3g} ± "
+        f"{values['error']:.2g} expected."),
+    "families.tested": Text("Tested on unseen surfaces", lambda values: (
+        "Tested on unseen surfaces, the 95 % bands held the true spectrum at this share of "
+        "wavelengths: " + "; ".join(map(_tested_family, values["families"])) + ".")),
+    "families.none-alike": Text(
+        "Tested on unseen surfaces",
+        "No certificate of a family: no library that was judged has colours like this one."),
+    "families.smoothness": Text(
+        "Tested on unseen surfaces",
+        "No certificate: bands of the smoothness prior were never judged."),
     "draws.of-families": Text("Families of surfaces", lambda values: _families(values)),
     "band.gaussian-errors": Text(
         "Signal errors", lambda values: "Assumes Gaussian signal errors of "
@@ -884,6 +1031,24 @@ SURFACES: dict[str, Text] = {
             if values["weak"] else "."),
         lambda values: LIGHT_REMEDY if values["weak"] and values["by_light"] >= values["share"]
         else "", "ΔE00 {colour:.1f}, {spectrum:.3f}"),
+    "colours.distinct": Text(
+        "Two colours", "The camera tells these colours apart: their signals differ by {value:.1f} "
+        "standard errors ({needed:.1f} are needed)."),
+    "colours.alike": Text(
+        "Two colours", "The camera cannot tell these colours apart: their signals differ by "
+        "{value:.1f} standard errors, and {needed:.1f} are needed. Under another light they may "
+        "still look different."),
+    "match.none": Text(
+        "Match", "None of {spectra} spectra fits: the nearest, {nearest}, misses the signal by "
+        "{misfit:.1f} standard errors. It is another material, a mixture, or varies more than "
+        "stated (variation)."),
+    "match.another-likelier": Text(
+        "Match", "{fits} of {spectra} spectra would pass, but another surface is more likely "
+        "(probability {probability:.3f} at even odds)."),
+    "match.one": Text("Match", "Of {spectra} spectra only {nearest} gives this signal."),
+    "match.several": Text(
+        "Match", "{fits} of {spectra} spectra give this signal and cannot be told apart.",
+        "A photo under another light may part them (spectrabox advise)."),
     "truth.not-given": Text(
         "Measured truth inside the band", "No measured spectrum was given to compare with.",
         shown="no truth given", limit="its level"),

@@ -6,9 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.radiometry.records.scenes import SurfaceAgreement
-
-OFF = 0.05              # a surface further off than this is named and highlighted
 MOST_LISTED = 6         # items that a phrase names
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -90,45 +87,3 @@ def listed(items: list[str]) -> str:
     more = len(items) - MOST_LISTED
     shown = [*items[:MOST_LISTED], f"{more} more"] if more > 0 else items
     return shown[0] if len(shown) == 1 else ", ".join(shown[:-1]) + " and " + shown[-1]
-
-
-def disagreement(agreement: SurfaceAgreement, bands: tuple[str, ...]) -> str:
-    """Where photo and rendering disagree and by how much, in plain words.
-
-    Parameters
-    ----------
-    bands : tuple of str
-        K names, of the columns of ``agreement.ratio``.
-    """
-    ratio = agreement.ratio
-    measured = np.isfinite(ratio).all(axis=1)
-    if not measured.any():
-        return ("No surface could be compared, so nothing is known of how well the rendering fits "
-                "the photo.")
-    deviation = np.where(measured[:, None], np.abs(ratio - 1), 0.0).max(axis=1)
-    off = np.flatnonzero(deviation > OFF)
-    missing = [agreement.names[s] for s in np.flatnonzero(~measured)]
-    unknown = f" Not compared in every band: {listed(missing)}." if missing else ""
-    if not off.size:
-        return (f"On all {measured.sum()} compared surfaces photo and rendering agree within "
-                f"{percent(float(deviation.max()))} in every band.{unknown}")
-    order = off[np.argsort(-deviation[off])]
-    where = listed([f"“{agreement.names[s]}” ({_bands_off(ratio[s], bands)})" for s in order])
-    return (f"On {measured.sum() - off.size} of {measured.sum()} compared surfaces photo and "
-            f"rendering agree within {percent(OFF, 0)} in every band. They disagree on {where}. "
-            f"{_shape_of(agreement, int(order[0]))}{unknown}")
-
-
-def _bands_off(ratio: np.ndarray, bands: tuple[str, ...]) -> str:
-    worst = int(np.argmax(np.abs(ratio - 1)))
-    return f"photo {deviation_words(float(ratio[worst]))} in {bands[worst]}"
-
-
-def _shape_of(agreement: SurfaceAgreement, surface: int) -> str:
-    """What the pattern over bands hints at for the worst surface."""
-    name, ratio = f"“{agreement.names[surface]}”", agreement.ratio[surface]
-    if np.ptp(ratio) < 0.3 * np.abs(ratio - 1).max():
-        return (f"On {name} all bands are off by the same factor: geometry, light position or "
-                "shadow is the first suspect, not the spectrum.")
-    return (f"On {name} the bands differ: the spectrum of this surface, or of the light it gets, "
-            "is the first suspect.")

@@ -32,9 +32,12 @@ CHANCE = "chance"       # an ordinary photo
 CAUSES = (VEIL, REFLECTION, UNEVEN, TWO_LIGHTS, TONE, COMPUTED, BLACK, SHADING, SHADOW, LIGHT,
           CHART)
 
-# the cause that a finding names
-CLAIMS = {"chart.veiled": VEIL, "chart.glare": REFLECTION, "chart.uneven-light": UNEVEN,
-          "calibration.veil": VEIL, "light.two-kinds": TWO_LIGHTS, "light.contradicted": LIGHT}
+# the causes that a finding names
+CLAIMS: dict[str, tuple[str, ...]] = {
+    "chart.veiled": (VEIL,), "chart.glare": (REFLECTION,), "chart.uneven-light": (UNEVEN,),
+    "calibration.veil": (VEIL,), "light.two-kinds": (TWO_LIGHTS,), "light.contradicted": (LIGHT,),
+    "patches.glare": (REFLECTION,), "patches.unlike-reference": (CHART, REFLECTION),
+    "patches.unlike-reference-or-light": (CHART, REFLECTION, LIGHT)}
 
 MARGIN = 3.0            # nats by which a cause that is named beats its rivals
 MOST_NAMED = 3          # causes that are named together
@@ -131,7 +134,8 @@ def claims(findings: Iterable[Finding]) -> bool:
 
 def settled(findings: Iterable[Finding], ranking: Ranking, code: str) -> list[Finding]:
     """Findings of a chart photo, of which those that name a cause stay where its rivals are
-    excluded; in place of the others comes one with the causes that are not.
+    excluded; in place of the others comes one with the causes that are not, but for notes that
+    chance alone explains.
 
     Parameters
     ----------
@@ -146,17 +150,16 @@ def settled(findings: Iterable[Finding], ranking: Ranking, code: str) -> list[Fi
     kept: list[Finding] = []
     doubts: list[Finding] = []
     for one in findings:
-        cause = CLAIMS.get(one.code)
+        causes = CLAIMS.get(one.code, ())
         # that a light is contradicted says itself what else may be
-        right = named == (cause,) or (cause == LIGHT and LIGHT in named)
+        right = set(named) <= set(causes) or (causes == (LIGHT,) and LIGHT in named)
         (doubts if claims([one]) and not right else kept).append(one)
-    if not doubts:
+    severity = worst(doubts)
+    if not doubts or (severity is Severity.NOTE and named == (CHANCE,)):
         return kept
-    causes = list(named)
-    if causes == [CHANCE]:
-        causes = [CLAIMS[doubts[0].code], CHANCE]
-    return [*kept, Finding(code, worst(doubts), doubts[0].subject, {
-        "causes": causes, "doubts": {one.code: dict(one.values) for one in doubts}})]
+    left = [*CLAIMS[doubts[0].code], CHANCE] if named == (CHANCE,) else list(named)
+    return [*kept, Finding(code, severity, doubts[0].subject, {
+        "causes": left, "doubts": {one.code: dict(one.values) for one in doubts}})]
 
 
 def _evidence(chart: _Chart, models: Iterable[_Model]) -> float:

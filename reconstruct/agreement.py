@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.light_scale import scale_from_signals
 from spectrabox.radiometry.records.calibration import LightScale
 from spectrabox.radiometry.records.photos import LinearImage
@@ -308,7 +309,7 @@ def edge_shift(measured: np.ndarray,
 
     The correlation (H, W) is that for every cyclic shift of the rendering, -1 to 1. Its peak is
     refined by a parabola; a rendering of another scene gives a number without meaning:
-    ``shift_sentence`` reports only a shift by which the edges agree better.
+    ``shifted`` reports only a shift by which the edges agree better.
 
     Parameters
     ----------
@@ -335,10 +336,8 @@ def edge_shift(measured: np.ndarray,
     return (shifts[0], shifts[1]), correlation
 
 
-def shift_sentence(measured: np.ndarray, rendered: np.ndarray) -> str:
-    """By how much the photo is shifted against its scene, or nothing.
-
-    A sentence where the edges agree clearly better so, else an empty string.
+def shifted(measured: np.ndarray, rendered: np.ndarray) -> list[Finding]:
+    """By how much the photo is shifted against its scene, where the edges agree clearly better so.
 
     Parameters
     ----------
@@ -348,8 +347,7 @@ def shift_sentence(measured: np.ndarray, rendered: np.ndarray) -> str:
     best = correlation.max()
     if (np.hypot(right, down) < MIN_SHIFT or best < MIN_CORRELATION
             or best - correlation[0, 0] < MIN_GAIN):
-        return ""
-    return (f"the photo is shifted against the scene by {right:+.1f} pixels to the right and "
-            f"{down:+.1f} down, of {measured.shape[1]} across (its edges then agree with a "
-            f"correlation of {best:.2f}, unmoved {correlation[0, 0]:.2f}): check the camera's "
-            "pose, or whether the photo was cropped")
+        return []
+    return [Finding("scene.shifted", Severity.NOTE, values={
+        "right_px": float(right), "down_px": float(down), "width_px": measured.shape[1],
+        "correlation": float(best), "unmoved": float(correlation[0, 0])})]

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.interreflection import relative_operator
 from spectrabox.radiometry.records.spectra import Outcome, Progress
 from spectrabox.reconstruct.agreement import scale_from_surfaces
@@ -66,13 +67,13 @@ def invert_by_gradient(view: PhotoView, settings: InversionSettings,
     operator = relative_operator(view.response, view.basis(settings.coefficients))
     tail = fit.tail @ operator.T
     covariance = np.array([np.cov(tail[:, index], rowvar=False) for index in range(tail.shape[1])])
-    notes = () if fit.outcome is Outcome.STEP_LIMIT else (
-        f"The descent stopped after {len(fit.loss_history)} of at most {settings.steps} steps: its "
-        "error no longer fell by more than its noise.",)
+    findings = () if fit.outcome is Outcome.STEP_LIMIT else (
+        Finding("fit.descent-ended", Severity.INFO, values={
+            "steps": len(fit.loss_history), "limit": settings.steps}),)
     return ViewSolution(fit.coefficients, fit.coefficients @ operator.T, covariance,
                         rendered[None], fit.loss_history,
                         "gradient descent (Mitsuba prb, specfilm)", settings.spp, fit.outcome,
-                        notes)
+                        findings)
 
 
 def fit_by_gradient(view: PhotoView, settings: InversionSettings,

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.interreflection import white_signal
 from spectrabox.radiometry.records import scenes
 from spectrabox.radiometry.records.calibration import LightScale
@@ -15,7 +16,7 @@ from spectrabox.radiometry.records.spectra import Progress
 from spectrabox.reconstruct.agreement import (
     model_covariance,
     scale_from_surfaces,
-    shift_sentence,
+    shifted,
     surface_agreement,
 )
 from spectrabox.reconstruct.fit.transport_fit import TransportFit, band_signals
@@ -58,7 +59,7 @@ def reconstruct(view: PhotoView, settings: InversionSettings,
 
 
 def settings_for(views: Sequence[PhotoView],
-                 settings: InversionSettings) -> tuple[InversionSettings, tuple[str, ...]]:
+                 settings: InversionSettings) -> tuple[InversionSettings, tuple[Finding, ...]]:
     """The settings with the engine that the views' materials need; nothing is traced.
 
     Parameters
@@ -69,8 +70,8 @@ def settings_for(views: Sequence[PhotoView],
     Returns
     -------
     settings : InversionSettings
-    notes : tuple of str
-        A sentence where the engine is not the default.
+    findings : tuple of Finding
+        Where the engine is not the default.
 
     Raises
     ------
@@ -79,14 +80,13 @@ def settings_for(views: Sequence[PhotoView],
     """
     if settings.engine not in ENGINES:
         raise InputError(f"there is no engine {settings.engine!r}; use one of {', '.join(ENGINES)}")
-    chosen: tuple[str, ...] = ()
+    chosen: tuple[Finding, ...] = ()
     if settings.engine == "auto":
         glossy = dict.fromkeys(name for view in views
                                for name in not_plain_products(view.scene_file))
         if glossy:
-            chosen = (f"The gradient engine was chosen, since {', '.join(glossy)} is coated or "
-                      "glossy: its light is no plain product of reflectances, as the transport "
-                      "engine needs.",)
+            chosen = (Finding("fit.gradient-engine", Severity.INFO,
+                              values={"names": list(glossy)}),)
         settings = replace(settings, engine="gradient" if glossy else "transport")
     if len(views) > 1 and settings.engine in SINGLE_VIEW:
         raise InputError(f"the engine {settings.engine!r} takes one photo, and {len(views)} are "
@@ -127,7 +127,8 @@ def reconstruct_views(views: Sequence[PhotoView], settings: InversionSettings, p
         solutions = (SINGLE_VIEW[settings.engine](views[0], settings, progress),)
     else:
         views, fits, solutions = solve_views(views, settings, progress, checkpoint)
-    solutions = tuple(replace(solution, notes=chosen + solution.notes) for solution in solutions)
+    solutions = tuple(replace(solution, findings=chosen + solution.findings)
+                      for solution in solutions)
     return reconstruction_of(views, fits, solutions, settings)
 
 
@@ -236,7 +237,6 @@ def _record(view: PhotoView, solution: ViewSolution,
     numbers = [agreement.names.index(label) if label in agreement.names else -1 for label in labels]
     tests = surface_tests(labels, view.measured, rendered, view.surface, view.used, stated_error)
     misfits = surface_misfits(tests, view.bands)
-    shift = shift_sentence(view.measured, rendered)
     spectra = view.spectra(solution.coefficients)
     basis = view.basis(settings.coefficients)
     white = white_signal(view.response)
@@ -261,5 +261,5 @@ def _record(view: PhotoView, solution: ViewSolution,
         surface=np.array([*numbers, -1])[view.surface],     # -1, no surface, is the last
         agreement=agreement, light_scale=scale, loss_history=solution.loss_history,
         engine=solution.engine, spp=solution.spp, seed=settings.seed, outcome=solution.outcome,
-        notes=(*solution.notes, *([shift] if shift else [])),
+        findings=(*solution.findings, *shifted(view.measured, rendered)),
         misfits=misfits, known_light=solution.known_light)

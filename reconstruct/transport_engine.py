@@ -404,9 +404,9 @@ def _solutions(traced: Sequence[transport_fit.TracedView], fit: transport_fit.Tr
     bsdfs = [material.bsdf for material in unknown]
     operators = [relative_operator(view.view.response, view.view.basis(settings.coefficients))
                  for view in traced]
-    determined = transport_fit.identifiability(fit, tuple(material.name for material in unknown),
-                                 np.vstack(operators))
-    ill_posed = fit.outcome is Outcome.CONVERGED and any(item.by_prior for item in determined)
+    directions = transport_fit.identifiability(fit, tuple(material.name for material in unknown),
+                                               np.vstack(operators))
+    ill_posed = fit.outcome is Outcome.CONVERGED and any(item.by_prior for item in directions)
     name = ("single bounce (direct light only)" if settings.engine == "single-bounce"
             else "light transport traced once")
     solutions = []
@@ -418,7 +418,7 @@ def _solutions(traced: Sequence[transport_fit.TracedView], fit: transport_fit.Tr
             fit.coefficients[own], signals[own], covariance[own], image, fit.cost_history,
             f"{name} ({_bounces(view.view, settings)} bounces, {len(view.traced.exponents)} "
             "products)", view.traced.spp, Outcome.ILL_POSED if ill_posed else fit.outcome,
-            transport_fit.sentences(determined) + part.sentences(view.view.bands, lights),
+            transport_fit.determined(directions) + part.findings(view.view.bands, lights),
             (part.scale, part.scale_error), view.regions(part), view.known_light))
     return tuple(solutions)
 

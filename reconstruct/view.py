@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.grid import basis_matrix
 from spectrabox.radiometry.interreflection import response_matrix, white_signal
 from spectrabox.radiometry.records import scenes
@@ -285,7 +286,7 @@ class ViewSolution:
     engine: str
     spp: int
     outcome: Outcome
-    notes: tuple[str, ...] = ()     # sentences on what is measured and what assumed
+    findings: tuple[Finding, ...] = ()      # what is measured and what assumed
     # light scale and its standard error, where no known material sets it
     scale: tuple[float, float | None] = (1.0, None)
     regions: scenes.RegionTransport | None = None  # for the samplers, where light was traced

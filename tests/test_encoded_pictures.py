@@ -8,7 +8,8 @@ from typer.testing import CliRunner
 
 import spectrabox as sb
 from spectrabox.capture.photo.image_writers import write_png
-from spectrabox.measure.signals.signal_capture import SRGB_ORIGIN
+from spectrabox.measure import texts
+from spectrabox.measure.signals.signal_capture import OF_SRGB
 from spectrabox.radiometry.appearance import (
     decode_srgb,
     encode_srgb,
@@ -46,7 +47,7 @@ def test_the_spectra_of_a_picture_have_its_colours(png, tmp_path):
     code, facts = answer("uplift", png, "--encoded", "--side", "17", "--full", "-o",
                          tmp_path / "out")
     assert code == 0 and facts["white"] == [1, 1, 1] and facts["white_from"] == "white of sRGB"
-    assert facts["caveat"] == SRGB_ORIGIN and facts["outside_0_to_1"] == 0
+    assert facts["caveat"] == texts.says(OF_SRGB) and facts["outside_0_to_1"] == 0
     file = oiio.ImageInput.open(facts["mean"])
     stored = np.asarray(file.read_image("float"))
     spectral = [index for index, name in enumerate(file.spec().channelnames)

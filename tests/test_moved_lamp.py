@@ -140,7 +140,7 @@ def test_the_command_takes_a_photo_with_the_lamp_moved(shoot, tmp_path):
     (region,) = answer["regions"]
     assert [place["photo"] for place in region["lamp_places"]] == ["photo", "b"]
     assert region["gloss"] == region["lamp_places"][0]["gloss"]
-    assert answer["photos"][1]["says"].startswith("light: the lamp of 'photo' in another place")
+    assert "the lamp of “photo” in another place" in answer["photos"][1]["says"]
     capture = read_session(tmp_path / "a-flat").capture()
     assert capture.lamp_moved and len({view.place for view in capture.views}) == 2
     # the picture of spectra is made of what stands in one light

@@ -13,6 +13,7 @@ import spectrabox as sb
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.fixtures.paints import NM, paint
 from spectrabox.radiometry.errors import CheckError, ClippedPhotoError, InputError
+from spectrabox.radiometry.findings import faults
 
 REGIONS = {name: rect_of(name) for name in PAINTS}
 
@@ -70,10 +71,11 @@ def test_a_patch_in_a_shadow_is_named_and_others_are_not(tmp_path, factor, named
     pitch = CHART[2] / 6 * light.shape[1]
     x, y = int(CHART[0] * light.shape[1] + 4 * pitch), int(CHART[1] * light.shape[1])
     light[y:y + int(pitch), x:x + int(pitch)] *= factor
-    notes = " ".join(flat(tmp_path, picture(light=light)).chart_check.notes)
-    assert ("blue flower reads" in notes) == named
-    assert ("darker in all bands than the others make it: a shadow" in notes) == named
-    assert notes.count("reads") <= 1
+    found = flat(tmp_path, picture(light=light)).chart_check.findings
+    # a level that is off is evidence, a colour alone is none
+    rows = [row for one in faults(found) for row in one.values.get("patches", ())]
+    assert [row["patch"] for row in rows] == ["blue flower"] * named
+    assert all(row["reason"] == "level" and row["brighter"] < -0.15 for row in rows)
 
 
 @pytest.mark.parametrize("further", [

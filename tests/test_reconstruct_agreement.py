@@ -21,7 +21,7 @@ from spectrabox.radiometry.records.scenes import SurfaceAgreement
 from spectrabox.reconstruct.agreement import (
     edge_shift,
     scale_from_surfaces,
-    shift_sentence,
+    shifted,
     surface_agreement,
     surface_covariance,
     usable_pixels,
@@ -130,12 +130,12 @@ def test_the_shift_between_photo_and_rendering_is_found(moved):
 def test_a_shift_is_said_only_where_the_edges_bear_it_out():
     y, x = np.mgrid[:64, :64]
     picture = np.where((x > 20) & (x < 44) & (y > 15) & (y < 40), 2.0, 1.0)[..., None]
-    assert shift_sentence(picture, picture) == ""
-    assert shift_sentence(RNG.random((64, 64, 1)) + 1, picture) == ""  # another picture altogether
+    assert shifted(picture, picture) == []
+    assert shifted(RNG.random((64, 64, 1)) + 1, picture) == []      # another picture altogether
     moved = shift(picture[..., 0], (-3, 2), order=1, mode="nearest")[..., None]
-    assert shift_sentence(moved, picture).startswith(
-        "the photo is shifted against the scene by +2.0 pixels to the right and -3.0 down, of 64 "
-        "across")
+    (found,) = shifted(moved, picture)
+    # a third of a pixel, as above
+    assert (found.values["right_px"], found.values["down_px"]) == pytest.approx((2, -3), abs=0.35)
 
 
 def test_regions_are_blocks_of_one_surface_and_their_means_are_linear():

@@ -17,10 +17,10 @@ from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.reconstruct.fit.transport_fit import (
     SpectrumPrior,
     band_signals,
+    determined,
     fit_views,
     identifiability,
     learnt_prior,
-    sentences,
     smooth_prior,
 )
 from spectrabox.reconstruct.fit.view_terms import (
@@ -195,7 +195,9 @@ def test_what_the_photo_cannot_tell_is_left_to_the_prior_and_said():
         else:
             assert all(item.by_photo >= 3 for item in fixed) and any(item.by_interreflection > 0
                                                                      for item in fixed)
-    assert sentences(fixed)[0].startswith("wall: of 7 coefficients the photo decides")
+    wall = determined(fixed)[0]
+    assert (wall.subject, wall.values["coefficients"]) == ("wall", 7)
+    assert wall.values["by_photo"] + wall.values["by_prior"] == 7
 
 
 def test_free_gains_take_information_from_the_photo():
@@ -332,12 +334,13 @@ def test_a_camera_that_mixes_its_bands_is_unmixed_by_a_known_material():
     np.testing.assert_allclose(white @ mixed.views[0].mixing.T, white @ mixing.T, rtol=0.02)
 
 
-def test_mixed_bands_and_gains_are_said_in_words():
+def test_mixed_bands_and_gains_are_findings():
     rows, measured, weight, _ = case(noise=0.01)
     fit = fit_spectra(compress(rows, measured, weight, GROUP), model(), scale=1.0,
                       mixing_error=0.1, light_error=0.1)
-    lights, bands = fit.views[0].sentences(("R", "G", "B"), ("lamp",))
-    assert "brighter or darker" in lights and "lamp" in lights and "R = +" in bands
+    lights, bands = fit.views[0].findings(("R", "G", "B"), ("lamp",))
+    assert lights.values["factors"] == {"lamp": fit.views[0].light_gains[0]}
+    assert bands.values["mixing"] == fit.views[0].mixing.tolist()
 
 
 @pytest.mark.parametrize("nuisances", [

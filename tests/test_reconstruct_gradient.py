@@ -164,4 +164,5 @@ def test_the_engine_is_chosen_by_the_materials_and_the_choice_is_said(tmp_path, 
     view = ball(tmp_path, kind)
     fit = reconstruct(view, plain_settings(5, steps=4, spp=2, engine="auto"), silent)
     assert engine in fit.engine
-    assert ("paint" in fit.notes[0] and "gradient" in fit.notes[0]) == (kind != "diffuse")
+    chosen = [one.values["names"] for one in fit.findings if one.code == "fit.gradient-engine"]
+    assert chosen == ([["paint"]] if kind != "diffuse" else [])

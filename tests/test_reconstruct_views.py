@@ -192,8 +192,8 @@ def test_two_lamps_of_which_one_is_brighter_than_stated(folder):
     wanted = SPECTRA @ camera_rows().T
     plain = reconstruct_views([two], SETTINGS, silent)
     gained = reconstruct_views([two], replace(SETTINGS, light_error=0.3), silent)
-    note = next(note for note in gained.views[0].notes if note.startswith("lights fitted"))
-    lamp, bulb_gain = (float(part.split()[-1]) for part in note.split("factors: ")[1].split(", "))
+    corrected = next(one for one in gained.views[0].findings if one.code == "fit.lights-corrected")
+    lamp, bulb_gain = corrected.values["factors"].values()
     # The scale of light against paint is told by interreflection alone; the ratio of the lamps by
     # their shading.
     assert bulb_gain / lamp == pytest.approx(1.4, rel=0.05)
@@ -267,7 +267,8 @@ def test_what_a_material_is_said_to_be_decides_what_the_photo_leaves_open(first)
 
 def test_what_only_the_prior_says_is_said(first):
     fit = reconstruct_views([first], replace(SETTINGS, coefficients=20), silent).views[0]
-    assert "left to the prior" in fit.notes[0] and fit.outcome is Outcome.ILL_POSED
+    assert fit.findings[0].code == "fit.determined" and fit.findings[0].values["by_prior"]
+    assert fit.outcome is Outcome.ILL_POSED
 
 
 def test_signals_are_kept_apart_where_the_lamp_was_moved(folder, first):

@@ -187,8 +187,9 @@ def test_what_the_prior_finds_hard_to_believe_is_said():
     facts = sample("--reading", f"550:{wrong:.4f}:0.002", "--method", "uniform", "--coefficients",
                    21)
     assert len(facts["doubtful"]) == 1
-    assert facts["doubtful"][0].startswith("the reading at 550 nm is hard to believe beside the "
-                                           "others")
+    doubt, = (one for one in facts["findings"] if one["code"] == "reading.hard-to-believe")
+    assert (doubt["subject"], doubt["values"]["value"]) == ("the reading at 550 nm",
+                                                            pytest.approx(wrong, abs=1e-4))
 
 
 @pytest.mark.parametrize("text, message", [

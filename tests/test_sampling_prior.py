@@ -26,7 +26,7 @@ from spectrabox.sampling.prior.families.made_materials import tiles, whites
 from spectrabox.sampling.prior.family_coverage import (
     BandCertificate,
     FamilyCertificate,
-    certified_sentence,
+    certified,
     family_coverages,
     mostly_in_doubt,
 )
@@ -537,14 +537,16 @@ CERTIFICATES = {
 
 
 def test_what_the_bands_of_a_family_held_is_said():
-    said = certified_sentence(family_coverages({"skin": 1.0}, ["skin"], CERTIFICATES))
-    assert "skin 99.7 % at a mean width of 0.066 (models, no measured library)" in said
+    def of(families):
+        return [row for one in certified(families) for row in one.values["families"]]
+    assert of(family_coverages({"skin": 1.0}, ["skin"], CERTIFICATES)) == [
+        {"name": "skin", "on": "models", "coverage": 0.997, "width": 0.066}]
     free = family_coverages({"paint": 0.6, "skin": 0.36, "animal": 0.04}, (), CERTIFICATES)
     assert [one.name for one in free] == ["paint", "skin"]     # 4 % is not named
-    assert "paint 92.0 % at a mean width of 0.110 (measured libraries)" in certified_sentence(free)
-    assert certified_sentence(()) == ""
+    assert of(free)[0] == {"name": "paint", "on": "libraries", "coverage": 0.92, "width": 0.11}
+    assert certified(()) == []
     unknown = family_coverages({"animal": 1.0}, ["animal"], CERTIFICATES)
-    assert "animal was not tested" in certified_sentence(unknown) and mostly_in_doubt(unknown)
+    assert of(unknown)[0]["on"] is None and mostly_in_doubt(unknown)
 
 
 @pytest.mark.parametrize("shares, stated, doubt", [

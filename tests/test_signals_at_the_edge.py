@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 import spectrabox as sb
 from spectrabox.fixtures.demos.flat_demo import write_flat_demo
 from spectrabox.measure import texts
-from spectrabox.measure.signals.signal_capture import NEARLY_BLACK_SRGB, curve_caveats
+from spectrabox.measure.signals.signal_capture import of_curves
 from spectrabox.radiometry.findings import Finding, Severity, faults
 from spectrabox.radiometry.spectra.filters import read_filters
 from spectrabox.sampling.prior.signal_posterior import EDGE, INSIDE
@@ -60,9 +60,9 @@ def sampled(*words):
 
 
 def test_a_colour_given_by_white_of_1_is_said_to_be_nearly_black():
-    assert NEARLY_BLACK_SRGB in sampled("--srgb", "1,0.5,0.2")["caveat"]
-    assert NEARLY_BLACK_SRGB not in sampled("--srgb", "255,128,51")["caveat"]
-    assert NEARLY_BLACK_SRGB not in sampled("--srgb", "0,0,0")["caveat"]
+    for colour, nearly_black in (("1,0.5,0.2", True), ("255,128,51", False), ("0,0,0", False)):
+        found = [one["code"] for one in sampled("--srgb", colour)["findings"]]
+        assert ("signal.srgb-nearly-black" in found) is nearly_black and "signal.of-srgb" in found
 
 
 def write_curves(path, errors):
@@ -76,22 +76,27 @@ def write_curves(path, errors):
 def test_standard_errors_of_curves_that_are_not_used_are_named(tmp_path):
     fitted, measured = (write_curves(tmp_path / f"{errors}.csv", errors) for errors in (1, 0))
     words = ("--light", "D65", "--signal", "0.3,0.2,0.1")
-    said = sampled("--sensitivity", str(fitted), *words)["caveat"]
-    assert "standard errors (0.83 % of the highest peak" in said and "not used here" in said
-    assert "standard errors (" not in sampled("--sensitivity", str(measured), *words)["caveat"]
-    assert "standard errors (" not in sampled("--sensitivity", str(fitted), *words,
-                                              "--sensitivity-error", "0.02")["caveat"]
+
+    def unused(facts):
+        return [one["values"]["error"] for one in facts["findings"]
+                if one["code"] == "camera.errors-not-used"]
+    facts = sampled("--sensitivity", str(fitted), *words)
+    # curves of 1, 31 of 61 points each: 2 % of them, root mean square
+    assert unused(facts) == pytest.approx([0.0083], abs=5e-5)
+    assert not unused(sampled("--sensitivity", str(measured), *words))
+    assert not unused(sampled("--sensitivity", str(fitted), *words, "--sensitivity-error", "0.02"))
     spectra = sb.sample([0.3, 0.2, 0.1], camera=fitted, light="D65")
-    assert said.splitlines() == list(spectra.caveats)
-    assert "not used here" in repr(spectra)
+    assert facts["caveat"].splitlines() == list(spectra.caveats)
+    assert "camera.errors-not-used" in [one.code for one in spectra.findings]
+    assert all(caveat in repr(spectra) for caveat in spectra.caveats)
 
 
 def test_doubts_of_a_fit_are_carried():
-    assert curve_caveats(None, 0.0) == ()
+    assert of_curves(None, 0.0) == ()
     doubt = Finding("calibration.unlike-cameras", Severity.WARN, values={"probability": 1.0})
     for error in (None, 0.01):
-        assert texts.says(doubt) in curve_caveats(error, 0.0, (doubt,))[-1]
-    assert len(curve_caveats(0.01, 0.02, (doubt,))) == 1
+        assert texts.says(doubt) in texts.says(of_curves(error, 0.0, (doubt,))[-1])
+    assert len(of_curves(0.01, 0.02, (doubt,))) == 1
 
 
 def test_a_fitted_camera_brings_its_doubts_and_says_that_its_errors_are_not_used(tmp_path):
@@ -101,9 +106,10 @@ def test_a_fitted_camera_brings_its_doubts_and_says_that_its_errors_are_not_used
     assert "light.contradicted" in {one.code for one in found}
     doubts = [texts.says(one) for one in found]
     for given in (camera, camera.calibration):
-        said = sb.sample([0.3, 0.2, 0.1], camera=given, light="D65", noise=0.003).caveats
-        assert any("not used here" in sentence for sentence in said)
-        assert all(any(doubt in sentence for sentence in said) for doubt in doubts)
+        estimate = sb.sample([0.3, 0.2, 0.1], camera=given, light="D65", noise=0.003)
+        assert {"camera.errors-not-used", "camera.doubtful"} <= {
+            one.code for one in estimate.findings}
+        assert all(any(doubt in caveat for caveat in estimate.caveats) for doubt in doubts)
 
 
 def test_what_states_to_be_a_reflectance_is_no_filter(tmp_path):

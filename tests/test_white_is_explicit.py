@@ -17,18 +17,21 @@ import spectrabox as sb
 from spectrabox.api.arguments import relative_response
 from spectrabox.capture.photo.image_writers import write_exr, write_png
 from spectrabox.fixtures.flat_sample import write_photo
+from spectrabox.measure import texts
 from spectrabox.measure.pictures.photo_white import chart_residual, white_of_chart
-from spectrabox.measure.signals.signal_capture import NEARLY_BLACK, NO_NOISE, NO_WHITE
 from spectrabox.radiometry.appearance import encode_srgb, reflectance_to_lab
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.errors import CheckError, InputError
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.spectra.given_spectra import as_reflectance
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.session.cli import app
 
 CAMERA = ("--sensitivity", "Nikon 5100 (NPL)", "--light", "D65")
+NO_WHITE, NO_NOISE, NEARLY_BLACK = (texts.says(Finding(code, Severity.NOTE)) for code in (
+    "signal.no-white", "signal.no-noise", "signal.xyz-nearly-black"))
 NAMED = {"camera": "Nikon 5100 (NPL)", "light": "D65"}
 DATA = Path(os.environ.get("SPECTRABOX_DATA", "no-data"))
 INDOOR = DATA / "raw_charts" / "industrial_indoor1.dng"
@@ -99,7 +102,9 @@ def test_a_light_that_is_nearly_right_is_warned_of(tmp_path):
     write_photo(tmp_path / "photo.dng", picture(), Fraction(1, 60), np.random.default_rng(3))
     code, facts = uplift(tmp_path / "photo.dng", tmp_path / "out")
     assert code == 0 and 0.04 < facts["chart_residual"] < 0.1
-    assert re.match(r"the chart's patches are off by \d% rms .*camera fit", facts["warnings"][0])
+    assert [one["code"] for one in facts["findings"]] == ["white.camera-unlike-chart"]
+    assert facts["warnings"] == [" ".join(facts["findings"][0][key] for key in (
+        "sentence", "remedy"))]
     code, facts = uplift(tmp_path / "photo.dng", tmp_path / "out", "--white", "0.8,0.8,0.8")
     assert code == 0 and facts["chart_residual"] is None and facts["warnings"] == []
     assert facts["white_from"] == "stated; no chart was looked for"
@@ -156,8 +161,7 @@ def test_a_signal_of_which_white_and_noise_are_not_stated_says_so():
         result = CliRunner().invoke(app, ["sample", *CAMERA, "--signal", "0.346,0.449,0.146",
                                           "--json", *more])
         return json.loads(result.stdout).get("caveat", "")
-    assert NO_WHITE in caveat() and "taken as relative to a perfect white" in NO_WHITE
-    assert NO_NOISE in caveat() and "taken as exact" in NO_NOISE
+    assert caveat() == f"{NO_WHITE}\n{NO_NOISE}"
     assert caveat("--white", "0.39,0.51,0.17") == NO_NOISE
     assert caveat("--white", "0.39,0.51,0.17", "--noise", "0.003") == ""
 

@@ -15,11 +15,13 @@ import numpy as np
 
 from spectrabox.calibrate.chart_equations import field_terms
 from spectrabox.calibrate.chart_findings import chart_limits
+from spectrabox.measure import texts
 from spectrabox.measure.camera import measure_chart
 from spectrabox.measure.pictures.traced_photo import TracedPhoto
 from spectrabox.radiometry import errors
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.charts.references import reference_reflectances
+from spectrabox.radiometry.findings import Finding, Severity, graded
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.light_scale import scale_from_signals
 from spectrabox.radiometry.records.calibration import LightScale
@@ -98,17 +100,13 @@ class PhotoWhite:
     residual: float
 
     @property
-    def doubt(self) -> str:
-        """What is wrong with camera and light, in a sentence; empty where they explain the chart.
-        """
+    def finding(self) -> Finding:
+        """Whether camera and light explain the chart."""
         passes, fails = chart_limits(stated=False)
-        if self.residual <= passes:
-            return ""
-        return (f"the chart's patches are off by {self.residual:.0%} rms from what this camera and "
-                f"light predict ({passes:.0%} is good, beyond {fails:.0%} is refused): the spectra "
-                "err by more than their standard deviation says. Fit the camera to this chart "
-                "(spectrabox camera fit) and give those curves, or measure the photo with "
-                "spectrabox flat")
+        severity = graded(self.residual, passes, fails)
+        return Finding("white.camera-explains-chart" if severity is Severity.INFO
+                       else "white.camera-unlike-chart", severity,
+                       values={"value": self.residual, "passes": passes, "fails": fails})
 
 
 def white_of_chart(photo: LinearImage, relative_response: np.ndarray) -> PhotoWhite:
@@ -186,8 +184,8 @@ def photo_white(photo: LinearImage, relative_response: np.ndarray,
             f"{photo.source} is a raw photo: its values are shares of what the sensor "
             "can hold and not of white, and no chart in it tells what white reads "
             f"({str(error).partition(';')[0]}). {remedy}") from None
-    if found.residual > chart_limits(stated=False)[1]:
-        raise errors.CheckError(f"{photo.source}: {found.doubt}")
+    if found.finding.severity is Severity.FAIL:
+        raise errors.CheckError(f"{photo.source}: {texts.says(found.finding)}")
     return found
 
 

@@ -203,7 +203,7 @@ class CaptureResult(ABC):
         """
         lines = [conditions.conditions_text(self.conditions, title), self._table()]
         if self.picture is not None:
-            lines += [self.picture.sentence(self.picture_folder),
+            lines += [f"picture: {len(self.picture.files)} files in {self.picture_folder}",
                       *map(texts.says, self.picture.findings)]
         lines += self.own_lines
         known = known_camera(self.photo.camera)

@@ -1,18 +1,19 @@
 """What was found of flat samples: their photos, the light on every region, the verdict's share."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from spectrabox.measure import conditions, rules
+from spectrabox.measure import conditions, rules, texts
 from spectrabox.measure.captured import FlatCapture, View
 from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.results import capture_result
 from spectrabox.measure.results.methods import flat_methods
-from spectrabox.radiometry.findings import Finding
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.photos import RegionEdge, RegionSamples
 from spectrabox.radiometry.records.spectra import SurfaceSignals
 
@@ -35,30 +36,25 @@ class PhotoOfRegions:
     chart_px: np.ndarray | None         # (I, 4, 2) patches, where the chart lies in this photo
     # over the photo: light and its relative error, (2, h, w); None where it shows no region
     light_map: np.ndarray | None
-    lamp: str = ""                      # what lights it, in words
     shift_px: float | None = None       # against the first photo; None: not compared
     residual_px: float | None = None    # what the registration left
     silent_bands: tuple[str, ...] = ()  # too dark or saturated on all its regions
     # of a chart with a fit of its own: mean share of the bands of left-out patches that hold
     chart_held: float | None = None
+    # what lights it: the lamp as stated, or the photo with the same; where that was moved; filter
+    lamp: Mapping[str, str] = field(default_factory=dict)
 
     @property
-    def sentence(self) -> str:
+    def finding(self) -> Finding:
         """Its light, its chart, how it was registered and what it does not tell."""
-        said = [self.lamp]
-        if self.chart_held is not None:
-            said.append(f"bands of its chart's left-out patches hold {self.chart_held:.0%}")
-        if self.shift_px is not None:
-            left = "" if self.residual_px is None else f", within {self.residual_px:.1f}"
-            said.append(f"shifted by {self.shift_px:.1f} pixels against the first photo{left}")
-        if self.silent_bands:
-            said.append(f"too dark or saturated and left out: {', '.join(self.silent_bands)}")
-        return "; ".join(said)
+        return Finding("photo.of-regions", Severity.INFO, self.name, {
+            **self.lamp, "shift_px": self.shift_px, "residual_px": self.residual_px,
+            "left_out_bands": list(self.silent_bands), "chart_held": self.chart_held})
 
     @property
     def facts(self) -> dict[str, Any]:
         """For JSON."""
-        return {"name": self.name, "says": self.sentence, "shift_px": self.shift_px,
+        return {"name": self.name, "says": texts.sentence(self.finding), "shift_px": self.shift_px,
                 "residual_px": self.residual_px, "left_out_bands": self.silent_bands,
                 "chart_held": self.chart_held}
 
@@ -89,7 +85,7 @@ class FlatResult(capture_result.CaptureResult):
     def own_lines(self) -> list[str]:
         if len(self.photos) < 2:
             return []
-        return [f"photo {photo.name}: {photo.sentence}" for photo in self.photos]
+        return [texts.sentence(photo.finding) for photo in self.photos]
 
     @property
     def methods(self) -> list[str]:
@@ -159,21 +155,17 @@ def _photo_of_regions(capture: FlatCapture, records: CaptureRecords,
         edges=edges, size_px=(round(width * photo.sensor_step), round(height * photo.sensor_step)),
         outlines={name: np.array(region.outline) for name, region in shown.items()},
         chart_px=None if chart is None or not view.shows_chart else chart.detection.corners_px,
-        light_map=None if light is None else light.over_photo, lamp=_lamp_words(view),
+        light_map=None if light is None else light.over_photo, lamp=_lamp(view),
         shift_px=None if registration is None else registration.shift_px,
         residual_px=None if registration is None else registration.residual_px,
         silent_bands=_silent_bands(records.signals, capture.views.index(view), samples),
         chart_held=None if held is None else held.means[1])
 
 
-def _lamp_words(view: View) -> str:
-    """What lights a photo."""
-    lamp = view.light_words if view.lamp == view.title else f"the lamp of {view.lamp!r}"
-    if view.moved:
-        lamp += " in another place" if view.moved == view.title else f" as in {view.moved!r}"
-    if view.filter is None:
-        return f"light: {lamp}"
-    return f"light: {lamp} through {view.filter_words}"
+def _lamp(view: View) -> dict[str, str]:
+    """What lights a photo, as values of its finding."""
+    return {"light": view.light_words, "lamp_of": view.lamp, "moved": view.moved or "",
+            "filter": "" if view.filter is None else view.filter_words}
 
 
 def _silent_bands(signals: SurfaceSignals, number: int,

@@ -23,10 +23,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.calibrate.prior.curve_posterior import sensitivity_draws
+from spectrabox.measure import texts
 from spectrabox.measure.scene.photo_errors import StatedErrors, with_stray_light
 from spectrabox.measure.surfaces.surface_signals import measurement, scene_signals
 from spectrabox.radiometry.error_model import scale_covariances
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.gloss import draw_gloss
 from spectrabox.radiometry.interreflection import response_matrix, white_signal
 from spectrabox.radiometry.records.calibration import Calibration
@@ -79,11 +81,11 @@ class Rehearsed:
                    for each in self.materials)
 
     @property
-    def sentence(self) -> str:
+    def finding(self) -> Finding:
         """Whether bands hold as stated, by the worst material."""
-        said = (f"rehearsed {self.times} times with known truths, the {self.level:.0%} band of the "
-                f"worst material ({self.worst.name}) holds {self.worst.coverage:.1%}")
-        return said + (": too narrow for this session" if self.too_narrow else ": as stated")
+        return Finding("scene.rehearsed", Severity.WARN if self.too_narrow else Severity.INFO,
+                       self.worst.name, {"value": self.worst.coverage, "intended": self.level,
+                                         "times": self.times, "photo": ""})
 
     @property
     def text(self) -> str:
@@ -96,7 +98,7 @@ class Rehearsed:
             ranks = " ".join(f"{count:d}" for count in each.ranks)
             lines.append(f"{each.name:<16} {share:>18} {each.rmse:>8.3f} {each.width:>8.3f}   "
                          f"{ranks}")
-        return "\n".join([*lines, self.sentence])
+        return "\n".join([*lines, texts.sentence(self.finding)])
 
 
 # ---- simulation-based calibration of one scene: its own photos again, with known truths ----------

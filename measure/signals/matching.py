@@ -2,10 +2,13 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
+from spectrabox.measure import texts
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.sampling.evaluation.identification import Identification, SpectralLibrary, identify
 from spectrabox.sampling.prior.mixture import LogitMixture
@@ -39,7 +42,17 @@ class SurfaceMatch:
     log_evidence_of_none: float
     probability_of_none: float
     none_fits: bool
-    says: str
+    findings: tuple[Finding, ...]
+
+    @property
+    def says(self) -> str:
+        """What the match says of the surface, and what was not stated of its signal."""
+        return "\n".join(map(texts.says, self.findings))
+
+    def facts(self) -> dict[str, Any]:
+        """As ``spectrabox match --json`` names them."""
+        return {**vars(self), "says": self.says,
+                "findings": [texts.facts(one) for one in self.findings]}
 
     def rows(self, most: int) -> list[tuple[str, ...]]:
         """The best matches as words of a table, under HEADINGS; the evidence is over the best's."""
@@ -65,7 +78,7 @@ class LibraryMatches:
         return {"matches": [{"surface": one.surface, **asdict(match)}
                             for one in self.surfaces for match in one.matches],
                 "indistinguishable": sum(one.indistinguishable for one in self.surfaces),
-                "surfaces": self.surfaces, "variation": self.variation,
+                "surfaces": [one.facts() for one in self.surfaces], "variation": self.variation,
                 "spectra": len(self.library.names), "left_out": self.library.left_out}
 
     def left_out(self, most: int) -> list[str]:
@@ -114,21 +127,18 @@ def match_signal(surface: str, measurement: SpectralMeasurement, library: Spectr
                for index in np.argsort(-identification.log_evidence, kind="stable")]
     return SurfaceMatch(surface, matches, int(fits.sum()), identification.evidence_ratio,
                         identification.log_evidence_of_none, identification.probability_of_none,
-                        not fits.any(), describe_match(identification, library.names))
+                        not fits.any(), (matched(identification, library.names),))
 
 
-def describe_match(identification: Identification, names: tuple[str, ...]) -> str:
-    """What an identification says of the surface, in one sentence."""
+def matched(identification: Identification, names: tuple[str, ...]) -> Finding:
+    """What an identification says of the surface."""
     fits = identification.indistinguishable
-    count, best = int(fits.sum()), int(np.argmin(identification.misfit))
-    if not count:
-        return (f"none of {len(names)} spectra fits: the nearest, {names[best]}, misses the signal "
-                f"by {identification.misfit[best]:.1f} standard errors; it is another material, a "
-                "mixture, or varies more than stated (variation)")
-    if identification.probability_of_none > LIKELY_NONE:
-        return (f"{count} of {len(names)} spectra would pass, but another surface is more likely "
-                f"(probability {identification.probability_of_none:.3f} at even odds)")
-    if count == 1:
-        return f"of {len(names)} spectra only {names[int(np.argmax(fits))]} gives this signal"
-    return (f"{count} of {len(names)} spectra give this signal and cannot be told apart: a photo "
-            "under another light may part them (spectrabox advise)")
+    count = int(fits.sum())
+    nearest = int(np.argmax(fits)) if count == 1 else int(np.argmin(identification.misfit))
+    code = ("match.none" if not count else
+            "match.another-likelier" if identification.probability_of_none > LIKELY_NONE else
+            "match.one" if count == 1 else "match.several")
+    return Finding(code, Severity.INFO, values={
+        "spectra": len(names), "fits": count, "nearest": names[nearest],
+        "misfit": float(identification.misfit[nearest]),
+        "probability": float(identification.probability_of_none)})

@@ -6,27 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.measure import texts
-from spectrabox.radiometry.findings import Finding
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.sampling.further.more_measurements import MoreMeasurement
 from spectrabox.sampling.prior.mixture import LogitMixture
 
 NEARLY_BLACK_XYZ = 1.1      # of white where it has Y = 1: who gives such values may mean that scale
-SRGB_ORIGIN = ("an sRGB colour is what a camera's processing or a designer made: these are spectra "
-               "of surfaces that would look so in daylight, not of what was photographed")
-NEARLY_BLACK_SRGB = ("R, G, B are taken with 255 for white, so that this colour is nearly black; "
-                     "multiply them by 255 where white is 1")
-NEARLY_BLACK = ("X, Y, Z are taken with Y = 100 for white, so that this colour is nearly black; "
-                "multiply them by 100 where white has Y = 1")
-NO_WHITE = ("no white was stated (--white, white=): the signal is taken as relative to a perfect "
-            "white, which values of a raw photo are not")
-NO_NOISE = ("no noise was stated (--noise, noise=): the signal is taken as exact, and the band is "
-            "narrower than a photo's")
+OF_SRGB = Finding("signal.of-srgb", Severity.NOTE)
 
 
-def origin_of_colours(kind: str, values: np.ndarray) -> str | None:
-    """What an answer has to say of colours that are given in place of signals; None of most.
+def of_colours(kind: str, values: np.ndarray) -> tuple[Finding, ...]:
+    """What is to be known of colours that are given in place of signals.
 
     Parameters
     ----------
@@ -35,17 +25,19 @@ def origin_of_colours(kind: str, values: np.ndarray) -> str | None:
     values : (..., 3) array
         As they were given.
     """
+    largest = values.max(initial=0)
     if kind == "xyz":
-        return NEARLY_BLACK if values.size and 0 < values.max() <= NEARLY_BLACK_XYZ else None
+        return (Finding("signal.xyz-nearly-black", Severity.NOTE),) \
+            if 0 < largest <= NEARLY_BLACK_XYZ else ()
     if kind == "srgb":
-        dark = values.size and 0 < values.max() <= 1
-        return f"{NEARLY_BLACK_SRGB}\n{SRGB_ORIGIN}" if dark else SRGB_ORIGIN
-    return None
+        return (*([Finding("signal.srgb-nearly-black", Severity.NOTE)] if 0 < largest <= 1 else []),
+                OF_SRGB)
+    return ()
 
 
-def curve_caveats(error: float | None, allowed_for: float,
-                  doubts: Sequence[Finding] = ()) -> tuple[str, ...]:
-    """What an answer has to say of a camera that was fitted.
+def of_curves(error: float | None, allowed_for: float,
+              doubts: Sequence[Finding] = ()) -> tuple[Finding, ...]:
+    """What is to be known of a camera that was fitted.
 
     Parameters
     ----------
@@ -56,24 +48,23 @@ def curve_caveats(error: float | None, allowed_for: float,
     doubts : sequence of Finding
         Of its fit.
     """
-    said = tuple(f"the camera's fit is doubtful: {texts.says(doubt)}" for doubt in doubts)
+    found = tuple(Finding("camera.doubtful", Severity.NOTE, doubt.subject, {
+        "code": doubt.code, "doubt": dict(doubt.values)}) for doubt in doubts)
     if error and not allowed_for:
-        said = (f"the camera's curves have standard errors ({100 * error:.2g} % of the highest "
-                "peak, root mean square), which are not used here: the band is narrower than they "
-                "make it; state an error of each curve (--sensitivity-error, sensitivity_error=), "
-                "or measure by the chart of the photo itself (spectrabox flat)", *said)
-    return said
+        return (Finding("camera.errors-not-used", Severity.NOTE, values={"error": error}), *found)
+    return found
 
 
-def unstated(white: np.ndarray | None, noise: np.ndarray | None) -> tuple[str, ...]:
-    """What was not stated of signals, and what was taken in its place, in sentences.
+def unstated(white: np.ndarray | None, noise: np.ndarray | None) -> tuple[Finding, ...]:
+    """What was not stated of signals, and what was taken in its place.
 
     Parameters
     ----------
     white, noise : (K,) arrays or None
         As of `SignalCapture`.
     """
-    return (*([NO_WHITE] if white is None else []), *([NO_NOISE] if noise is None else []))
+    return (*([Finding("signal.no-white", Severity.NOTE)] if white is None else []),
+            *([Finding("signal.no-noise", Severity.NOTE)] if noise is None else []))
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,10 +91,8 @@ class SignalCapture:
         Of the same surface as each signal.
     twice : SpectralMeasurement, optional
         Light reflected twice off the surface.
-    origin : str, optional
-        What an answer has to say of where the signals are from.
-    camera_caveats : tuple of str
-        What it has to say of the camera's curves.
+    given : tuple of Finding
+        Of where the signals are from, and of the camera's curves.
     """
 
     relative_response: np.ndarray
@@ -116,13 +105,11 @@ class SignalCapture:
     prior: LogitMixture | None = None
     more: Sequence[MoreMeasurement] = ()
     twice: SpectralMeasurement | None = None
-    origin: str | None = None
-    camera_caveats: tuple[str, ...] = ()
+    given: tuple[Finding, ...] = ()
 
     @property
-    def caveats(self) -> tuple[str, ...]:
-        """Where the signals are from, what was taken of them where nothing was stated, and what is
+    def findings(self) -> tuple[Finding, ...]:
+        """What was taken of the signals where nothing was stated, where they are from, and what is
         not known of the camera.
         """
-        return (*([] if self.origin is None else [self.origin]),
-                *unstated(self.white, self.noise), *self.camera_caveats)
+        return (*unstated(self.white, self.noise), *self.given)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.calibrate import chart_calibration, chart_findings, light_error
+from spectrabox.calibrate import chart_calibration, light_error
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.prior.camera_prior import prior_of_curves
 from spectrabox.calibrate.sensitivity import PriorFit
@@ -163,11 +163,8 @@ def _fitted(capture: captured.Capture, groups: list[list[captured.View]],
             fit, held_out[first.name] = chart_fit.fit([photos[name] for name in fitted],
                                                       FINE_GRID, options)
             camera, prior_fit = fit.calibration, fit.prior_fit
-            names, light = capture.layout.names, "" if camera.products else camera.light.source
-            of_chart = chart_findings.at_fault(held_out[first.name], names, light)
-            if fit.copy is not None:
-                of_chart += chart_findings.departures(fit.copy, names, light)
-            findings += [dataclasses.replace(one, subject=first.name) for one in of_chart]
+            findings += [dataclasses.replace(one, subject=first.name) for one
+                         in fit.of_chart(held_out[first.name], capture.layout.names)]
             if not first.name:
                 of_first = fit
         else:

@@ -27,10 +27,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtri
 
+from spectrabox.measure import texts
 from spectrabox.radiometry import appearance
 from spectrabox.radiometry.covariance import symmetric, symmetric_root
 from spectrabox.radiometry.error_model import CAUSES
 from spectrabox.radiometry.errors import CheckError
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import WavelengthGrid, interpolation_matrix
 from spectrabox.radiometry.records.spectra import SpectrumSamples, SurfaceSignals
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
@@ -212,14 +214,15 @@ class ColourComparison:
         return self.difference > self.limit
 
     @property
-    def sentence(self) -> str:
+    def finding(self) -> Finding:
         """Whether the camera tells them apart, and by how much."""
-        if self.distinct:
-            return ("The camera tells these colours apart: their signals differ by "
-                    f"{self.difference:.1f} standard errors ({self.limit:.1f} are needed).")
-        return ("The camera cannot tell these colours apart: their signals differ by "
-                f"{self.difference:.1f} standard errors, and {self.limit:.1f} are needed. Under "
-                "another light they may still look different.")
+        return Finding("colours.distinct" if self.distinct else "colours.alike", Severity.INFO,
+                       values={"value": self.difference, "needed": self.limit})
+
+    @property
+    def sentence(self) -> str:
+        """The same for a person."""
+        return texts.sentence(self.finding)
 
     @property
     def spectrum(self) -> Colour:

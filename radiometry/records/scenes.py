@@ -6,6 +6,7 @@ from typing import Annotated
 
 import numpy as np
 
+from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.calibration import LightScale
 from spectrabox.radiometry.records.spectra import Outcome, WavelengthGrid
 from spectrabox.radiometry.shaped import Record
@@ -119,7 +120,7 @@ class Reconstruction(Record):
     spp: int
     seed: int
     outcome: Outcome
-    notes: tuple[str, ...] = ()                     # what is data and what is prior, in sentences
+    findings: tuple[Finding, ...] = ()              # of the fit: what is data and what is prior
     misfits: tuple[SurfaceMisfit, ...] = ()         # worst first
     known_light: KnownLight | None = None           # None where no known surface tells of it
 

@@ -20,6 +20,7 @@ import numpy as np
 
 from spectrabox.radiometry.covariance import block_diagonal
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import basis_matrix, interpolation_matrix
 from spectrabox.radiometry.records import scenes
 from spectrabox.radiometry.records.spectra import Outcome, WavelengthGrid
@@ -542,14 +543,14 @@ def identifiability(fit: TransportFit, materials: tuple[str, ...],
     return tuple(answers)
 
 
-def sentences(materials: tuple[Identifiability, ...]) -> tuple[str, ...]:
-    """One sentence per material: how much of its spectrum is measured and how much assumed.
+def determined(materials: tuple[Identifiability, ...]) -> tuple[Finding, ...]:
+    """How much of the spectrum of each material is measured, and how much assumed.
 
     Parameters
     ----------
     materials : U of Identifiability
     """
-    return tuple(
-        f"{item.material}: of {item.ratio.size} coefficients the photo decides {item.by_photo} "
-        f"({item.by_colour} by the surface's own colour, {item.by_interreflection} only by "
-        f"interreflection); {item.by_prior} are left to the prior" for item in materials)
+    return tuple(Finding("fit.determined", Severity.INFO, item.material, {
+        "coefficients": int(item.ratio.size), "by_photo": item.by_photo,
+        "by_colour": item.by_colour, "by_interreflection": item.by_interreflection,
+        "by_prior": item.by_prior}) for item in materials)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.interreflection import band_products, band_products_jacobian
 
 
@@ -97,7 +98,7 @@ class ViewFit:
     # (L E, K) of the products, light gains and mixing applied
     signals: np.ndarray = field(repr=False)
 
-    def sentences(self, bands: Sequence[str], lights: Sequence[str]) -> tuple[str, ...]:
+    def findings(self, bands: Sequence[str], lights: Sequence[str]) -> tuple[Finding, ...]:
         """What the fit corrected of lights and bands; the rendering shows it corrected.
 
         Parameters
@@ -105,18 +106,14 @@ class ViewFit:
         bands : K names
         lights : L names
         """
-        corrected = []
+        found = []
         if np.any(self.light_gains != 1):
-            gains = ", ".join(f"{name} {gain:.3g}"
-                              for name, gain in zip(lights, self.light_gains, strict=True))
-            corrected.append("lights fitted brighter or darker than the scene says, by the "
-                             f"factors: {gains}")
+            found.append(Finding("fit.lights-corrected", Severity.NOTE, values={
+                "factors": dict(zip(lights, self.light_gains.tolist(), strict=True))}))
         if np.any(self.mixing != np.eye(len(bands))):
-            rows = "; ".join(f"{band} = {' '.join(f'{share:+.2f}' for share in row)}"
-                             for band, row in zip(bands, self.mixing, strict=True))
-            corrected.append("bands mixed by a fitted matrix, as colour processing does, from "
-                             f"{' '.join(bands)}: {rows}")
-        return tuple(corrected)
+            found.append(Finding("fit.bands-mixed", Severity.NOTE, values={
+                "bands": list(bands), "mixing": self.mixing.tolist()}))
+        return tuple(found)
 
 
 class ViewTerms:

@@ -14,6 +14,7 @@ from scipy.special import chdtri
 
 from spectrabox.radiometry.covariance import block_diagonal
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records import spectra
 from spectrabox.sampling import spectral_measurement
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
@@ -96,9 +97,8 @@ def check_possible(base: spectra.SpectralMeasurement, more: list[MoreMeasurement
 
 
 def doubtful(base: spectra.SpectralMeasurement, more: list[MoreMeasurement], prior: LogitMixture,
-             seed: int) -> list[str]:
-    """Sentences on measurements that lie far from what the others and the prior let expect (1 in a
-    million).
+             seed: int) -> list[Finding]:
+    """Measurements that lie far from what the others and the prior let expect (1 in a million).
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def doubtful(base: spectra.SpectralMeasurement, more: list[MoreMeasurement], pri
     seed : int
         Of the random generator; the same seed gives the same draws bit for bit.
     """
-    sentences = []
+    findings = []
     for index, further in enumerate(more):
         rest = joined(base, more[:index] + more[index + 1:])
         rows, values, covariance = measured_rows(base, further)
@@ -119,11 +119,10 @@ def doubtful(base: spectra.SpectralMeasurement, more: list[MoreMeasurement], pri
         away = values - expected.mean(axis=0)
         if away @ np.linalg.solve(spread, away) > chdtri(len(away), CONTRADICTION):
             worst = int(np.argmax(np.abs(away)))
-            sentences.append(f"{further.name} is hard to believe beside the others: "
-                             f"{values[worst]:.3g} was measured and "
-                             f"{expected[:, worst].mean():.3g} +- "
-                             f"{np.sqrt(spread[worst, worst]):.2g} expected.")
-    return sentences
+            findings.append(Finding("reading.hard-to-believe", Severity.WARN, further.name, {
+                "value": float(values[worst]), "expected": float(expected[:, worst].mean()),
+                "error": float(np.sqrt(spread[worst, worst]))}))
+    return findings
 
 
 def _possible(base: spectra.SpectralMeasurement, more: list[MoreMeasurement]) -> bool:

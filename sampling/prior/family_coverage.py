@@ -10,6 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from spectrabox.radiometry.findings import Finding, Severity
+
 CERTIFIED = 0.93        # of wavelengths within the 95 % band
 MENTIONED = 0.05        # share from which a family that nobody stated is named
 MOSTLY = 0.5            # share of families in doubt from which the terminal names them
@@ -57,15 +59,12 @@ class FamilyCoverage:
                 or self.bands.coverage < CERTIFIED)
 
     @property
-    def words(self) -> str:
-        """The family's figures as part of a sentence."""
-        if self.certificate is None or self.bands is None:
-            return f"{self.name} was not tested"
-        test = ("measured libraries" if self.certificate.measured else
-                "models, no measured library" if self.certificate.parts else
-                "its own model, not left out, no measured library")
-        return (f"{self.name} {100 * self.bands.coverage:.1f} % at a mean width of "
-                f"{self.bands.width:.3f} ({test})")
+    def tested_on(self) -> str | None:
+        """"libraries" that were measured, "models", its "own-model"; None where it was not."""
+        if self.certificate is None:
+            return None
+        return "libraries" if self.certificate.measured else \
+            "models" if self.certificate.parts else "own-model"
 
 
 def family_coverages(shares: Mapping[str, float], stated: Sequence[str],
@@ -103,18 +102,19 @@ def coverage_facts(families: Sequence[FamilyCoverage]) -> list[dict[str, Any]]:
              "width": None if one.bands is None else one.bands.width} for one in families]
 
 
-def certified_sentence(families: Sequence[FamilyCoverage]) -> str:
-    """What the 95 % bands of these families held when they were judged; empty for none.
+def certified(families: Sequence[FamilyCoverage]) -> list[Finding]:
+    """What the 95 % bands of these families held when they were judged, each once.
 
     Parameters
     ----------
     families : sequence of FamilyCoverage
     """
-    if not families:
-        return ""
-    return ("Tested on unseen surfaces, the 95 % bands held the true spectrum at this share of "
-            "wavelengths: "
-            f"{'; '.join(family.words for family in families)}.")
+    rows = [{"name": one.name, "on": one.tested_on,
+             "coverage": None if one.bands is None else one.bands.coverage,
+             "width": None if one.bands is None else one.bands.width} for one in families]
+    different = [row for index, row in enumerate(rows) if row not in rows[:index]]
+    return [Finding("families.tested", Severity.INFO, values={"families": different})] \
+        if different else []
 
 
 def mostly_in_doubt(families: Sequence[FamilyCoverage]) -> bool:

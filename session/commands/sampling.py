@@ -162,6 +162,8 @@ def uplift(request: requests.UpliftRequest) -> command_line.Answer:
         raise command_line.UsageProblem(
             "give --sensitivity and --light, the camera that took the picture and "
             "the light it was taken under; or --encoded of a PNG or JPEG in sRGB")
+    from spectrabox.measure import texts
+    from spectrabox.radiometry.findings import faults
     from spectrabox.session.signals.uplift_answer import stated_white, uplift_answer
     from spectrabox.session.terminal.progress_display import progress_display, with_time_left
     request, white_from, chart = stated_white(request)
@@ -170,16 +172,18 @@ def uplift(request: requests.UpliftRequest) -> command_line.Answer:
     white = [float(value) for value in (request.white or "").replace(";", ",").split(",")]
     text += f"\nwhite reads {', '.join(f'{value:.4g}' for value in white)} ({white_from})"
     if request.encoded:
-        from spectrabox.measure.signals.signal_capture import SRGB_ORIGIN
-        facts["caveat"] = SRGB_ORIGIN
-        text += f"\n{SRGB_ORIGIN}"
+        from spectrabox.measure.signals.signal_capture import OF_SRGB
+        facts["caveat"] = texts.says(OF_SRGB)
+        text += f"\n{texts.says(OF_SRGB)}"
+    found = [] if chart is None else [chart.finding]
+    doubts = faults(found)
     if chart is not None:
-        text += (f"\nwarning: {chart.doubt}" if chart.doubt else "\nthe chart's patches agree with "
-                 f"camera and light within {chart.residual:.1%} rms")
+        text += f"\n{'warning: ' * bool(doubts)}{texts.says(chart.finding)}"
     return command_line.Answer(facts | {
         "white": white, "white_from": white_from,
         "chart_residual": None if chart is None else chart.residual,
-        "warnings": [chart.doubt] if chart is not None and chart.doubt else []}, text)
+        "warnings": [*map(texts.says, doubts)],
+        "findings": [texts.facts(one) for one in found]}, text)
 
 
 @command_line.Command

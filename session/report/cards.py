@@ -9,11 +9,12 @@ from typing import Any
 
 from markupsafe import Markup
 
+from spectrabox.measure import texts
 from spectrabox.measure.advice.advice import Advice, Advised
 from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.measure.surfaces.colour_comparison import LIGHTS, MetamerPair
 from spectrabox.radiometry.findings import Finding
-from spectrabox.sampling.prior.family_coverage import FamilyCoverage, certified_sentence
+from spectrabox.sampling.prior import family_coverage
 from spectrabox.session.report import spectra
 from spectrabox.session.report.figures import error_budget_bars
 from spectrabox.session.report.svg import figure
@@ -143,9 +144,8 @@ def assumed_of_all(surfaces: Sequence[SurfaceResult]) -> list[Finding]:
 
 def tested_families(surfaces: Sequence[SurfaceResult]) -> str:
     """What 95 % bands held of all families that any surface may be of."""
-    families: dict[str, FamilyCoverage] = {family.words: family for surface in surfaces
-                                           for family in surface.families}
-    return certified_sentence(tuple(families.values()))
+    return texts.paragraph(family_coverage.certified([
+        family for surface in surfaces for family in surface.families]))
 
 
 def _assumptions(surface: SurfaceResult) -> tuple[Finding, ...]:

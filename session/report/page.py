@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import jinja2
 from markupsafe import Markup
 
-from spectrabox.measure import extras, texts, words
+from spectrabox.measure import extras, rules, texts, words
 from spectrabox.measure.extras import attempt, different
 from spectrabox.measure.plots import band_colours
 from spectrabox.measure.results.capture_result import CaptureResult
@@ -295,13 +295,13 @@ class AgreementSection:
     rows: list[RenderedSurface]
     bands: list[tuple[str, str]]    # names and colours
     scale: str                      # of the light
-    off: float = words.OFF
+    off: float = rules.SURFACE_OFF
 
 
 def _agreement_section(name: str, fit: Reconstruction, calibration: Calibration,
                        bands: tuple[str, ...]) -> AgreementSection:
     """Photo against rendering of one photo; ``name`` ends the names of its figures."""
-    return AgreementSection(words.disagreement(fit.agreement, bands),
+    return AgreementSection(texts.sentence(rules.agreement_in(fit.agreement, bands)),
                             maps.pair_figure(f"pair{name}", fit, calibration.sensitivity, bands),
                             maps.residual_figure(f"residuals{name}", fit, bands),
                             maps.residual_limit(maps.residual_maps(fit)), rendered_surfaces(fit),

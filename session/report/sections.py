@@ -9,8 +9,7 @@ from markupsafe import Markup
 from spectrabox.calibrate import chart_findings
 from spectrabox.measure import texts
 from spectrabox.measure.results.capture_result import CaptureResult, ChartResult
-from spectrabox.measure.rules import chart_residuals
-from spectrabox.measure.words import OFF
+from spectrabox.measure.rules import SURFACE_OFF, chart_residuals
 from spectrabox.radiometry.appearance import reflectance_to_srgb
 from spectrabox.radiometry.records.calibration import HeldOutPatches
 from spectrabox.radiometry.records.scenes import Reconstruction
@@ -35,8 +34,9 @@ def rendered_surfaces(made: Reconstruction) -> list[RenderedSurface]:
     """Every surface of a photo that was rendered."""
     agreement, rows = made.agreement, []
     for index, colour in enumerate(surface_colours(len(agreement.names))):
-        bands = [(float(ratio), float(spread), abs(float(ratio) - 1) > OFF) for ratio, spread
-                 in zip(agreement.ratio[index], agreement.spread[index], strict=True)]
+        bands = [(float(ratio), float(spread), abs(float(ratio) - 1) > SURFACE_OFF)
+                 for ratio, spread in zip(agreement.ratio[index], agreement.spread[index],
+                                          strict=True)]
         rows.append(RenderedSurface(index + 1, colour, agreement.names[index],
                                     agreement.materials[index], int(agreement.pixels[index]),
                                     bands))
@@ -56,7 +56,7 @@ class PatchBand:
     @property
     def off(self) -> bool:
         """Whether it is worth a mark."""
-        return abs(self.residual) > OFF
+        return abs(self.residual) > SURFACE_OFF
 
 
 @dataclass(frozen=True)

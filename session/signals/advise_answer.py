@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from spectrabox.measure import texts
 from spectrabox.measure.advice import advise
 from spectrabox.measure.advice.advice import Advice, Advised
 from spectrabox.measure.more_bands.filter_fit import LampsAtHand
@@ -102,7 +103,7 @@ def _on_signal(request: AdviseRequest, hand: LampsAtHand | None) -> tuple[dict[s
                             curves=named_spectra.sensitivities(sensitivity, FINE_GRID),
                             present=named_spectra.light(light, FINE_GRID), hand=hand)
     facts, text = _answer(Advised(each), taken=[measured.name for measured in taken])
-    caveats = unstated(white, noise)
+    caveats = [*map(texts.says, unstated(white, noise))]
     if caveats:
         facts["caveat"] = "\n".join(caveats)
     return facts, "\n".join([text, *caveats])

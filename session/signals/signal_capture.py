@@ -9,9 +9,10 @@ import numpy as np
 from spectrabox.measure.signals.sample import measurement_of_signal
 from spectrabox.measure.signals.signal_capture import (
     SignalCapture,
-    curve_caveats,
-    origin_of_colours,
+    of_colours,
+    of_curves,
 )
+from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra import named_spectra, spectrum_files
@@ -50,14 +51,14 @@ def signal_capture(measured: MeasuredSignal, signals: Path | None, colour: tuple
         reflected = measurement_of_signal(response, signal, white, error)
     more = further_measurements(measured, sensitivity, response, white)
     noise = signal_options.optional_noise(measured.noise, bands)
-    origin = None
+    origin: tuple[Finding, ...] = ()
     if colour is not None:
         seen, rounding = signal_options.colour_signal(*colour, light)
         named, noise = {"": seen}, rounding if noise is None else noise
         white = np.ones(bands)      # a colour is relative to white
         stated = signal_options.srgb_values(colour[1]) if colour[0] == "srgb" \
             else signal_options.numbers(colour[1], bands, colour[0])
-        origin = origin_of_colours(colour[0], stated)
+        origin = of_colours(colour[0], stated)
     elif signals is not None:
         named = signal_options.read_named_signals(signals, names)
     else:
@@ -65,8 +66,8 @@ def signal_capture(measured: MeasuredSignal, signals: Path | None, colour: tuple
     return SignalCapture(response, np.array(list(named.values())), tuple(named), white, noise,
                          light_error, sensitivity_error,
                          mixture.of_families(mixture.load_prior(prior),
-                                             tuple(family)), more, reflected, origin,
-                         curve_caveats(stated_curve_error(sensitivity), sensitivity_error))
+                                             tuple(family)), more, reflected,
+                         (*origin, *of_curves(stated_curve_error(sensitivity), sensitivity_error)))
 
 
 def stated_truth(file: Path, column: str | None) -> np.ndarray:

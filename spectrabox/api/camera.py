@@ -12,6 +12,7 @@ from spectrabox.api import arguments
 from spectrabox.api.chart_check import ChartCheck
 from spectrabox.api.colour_profile import ColourProfile, MatrixComparison, profile_of
 from spectrabox.api.photo import Photo, open_photo
+from spectrabox.calibrate import chart_findings
 from spectrabox.calibrate.chart_calibration import CalibrationOptions
 from spectrabox.calibrate.doubts import LightEvidence
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
@@ -132,7 +133,8 @@ class CameraEstimate:
     @property
     def chart_check(self) -> ChartCheck:
         """The first photo's patches, each by a calibration without it."""
-        return ChartCheck(self.layout.names, self.fit.held_out)
+        return ChartCheck(self.layout.names, self.fit.held_out,
+                          chart_findings.of_patches(self.findings))
 
     @property
     def chart_delta_e(self) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 from spectrabox.calibrate import chart_findings
 from spectrabox.measure import texts
 from spectrabox.measure.results.calibration_facts import poor_patches
+from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.calibration import HeldOutPatches
 
 
@@ -22,6 +23,8 @@ class ChartCheck:
     patches : HeldOutPatches
         Spectra (I, P) at ``grid.nm``: the estimates ``mean`` with their band ``lower`` and
         ``upper``, and the ``reference``.
+    findings : tuple of Finding
+        Patches that are not what the others make of them by more than chance, and their cause.
 
     References
     ----------
@@ -37,6 +40,7 @@ class ChartCheck:
 
     names: tuple[str, ...]
     patches: HeldOutPatches
+    findings: tuple[Finding, ...] = ()
 
     @property
     def rmse(self) -> np.ndarray:
@@ -82,8 +86,8 @@ class ChartCheck:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Patches that are not what the others make of them by more than chance."""
-        return tuple(texts.says(one) for one in chart_findings.at_fault(self.patches, self.names))
+        """The findings in sentences."""
+        return tuple(map(texts.says, self.findings))
 
     def __repr__(self) -> str:
         rmse, inside, expected = self.means

@@ -136,7 +136,7 @@ class SpectrumEstimates(Mapping[str, Estimate]):
 
     def __repr__(self) -> str:
         each = self._estimates.values()
-        lines = [f"  {dataclasses.replace(one, caveats=())!r}" for one in each]
+        lines = [f"  {dataclasses.replace(one, stated=())!r}" for one in each]
         caveats = dict.fromkeys(caveat for one in each for caveat in one.caveats)
         return "\n".join([f"<{type(self).__name__}, {len(lines)} surfaces>", *lines, *caveats])
 

@@ -14,6 +14,7 @@ from spectrabox.api.colour_profile import ColourProfile, profile_of
 from spectrabox.api.estimates import MeasuredSpectra
 from spectrabox.api.photo import Photo
 from spectrabox.api.progress import ProgressLike, progress_steps
+from spectrabox.calibrate import chart_findings
 from spectrabox.capture.photo.preview import photo_orientation
 from spectrabox.measure.captured import FIRST_PHOTO, FlatCapture
 from spectrabox.measure.records import CaptureRecords, PictureRecords
@@ -65,7 +66,8 @@ class FlatSpectra(MeasuredSpectra):
         """The chart's patches, each by a calibration without it."""
         chart = self.found.chart
         assert chart is not None and chart.left_out is not None
-        return ChartCheck(chart.layout.names, chart.left_out)
+        return ChartCheck(chart.layout.names, chart.left_out, chart_findings.of_patches(
+            one for one in self.found.findings if not one.subject))
 
     def colour_profile(self, families: str | Sequence[str] | None = None) -> ColourProfile:
         """Colours under D50 of what the camera sees under this light, for colour management.

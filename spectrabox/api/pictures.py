@@ -13,10 +13,12 @@ from spectrabox.api.photo import Photo, open_photo
 from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.api.signals import OBSERVER
 from spectrabox.capture.photo.image_files import read_encoded_values
+from spectrabox.measure import texts
 from spectrabox.measure.pictures.photo_white import photo_white, require_camera_signal
 from spectrabox.measure.pictures.uplift import require_bands, uplift_image
 from spectrabox.radiometry.appearance import signal_of_srgb
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.findings import faults
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.system.threads import one_blas_thread
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
@@ -105,8 +107,8 @@ def uplift(image: ArrayLike | Photo | str | Path, *, camera: arguments.CameraLik
                                 "reads in each band")
             if chart is not None:
                 white = chart.white
-                if chart.doubt:
-                    warnings.warn(chart.doubt, stacklevel=3)
+                for doubt in faults([chart.finding]):
+                    warnings.warn(texts.says(doubt), stacklevel=3)
     with progress_steps(progress, "uplift") as step:
         return uplift_image(pixels, response,
                             arguments.as_prior(prior, arguments.families_of(families)),

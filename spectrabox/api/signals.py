@@ -102,8 +102,7 @@ def sample(signals: ArrayLike | None = None, *, camera: arguments.CameraLike | N
         if white is not None:
             raise InputError("a colour is relative to white by what it is; leave white out")
         white = np.ones(3)
-    origin = None if xyz is None else signal_capture.origin_of_colours(
-        "xyz", as_numbers(xyz, "xyz"))
+    origin = () if xyz is None else signal_capture.of_colours("xyz", as_numbers(xyz, "xyz"))
     if signals is None or camera is None or light is None:
         raise InputError("signals need the camera that saw them and their light (camera=, light=); "
                          "a colour is given as lab= or xyz=")
@@ -136,8 +135,7 @@ def sample(signals: ArrayLike | None = None, *, camera: arguments.CameraLike | N
         None if errors is None else np.broadcast_to(errors, bands).copy(),
         as_number(light_error, "light_error"), as_number(sensitivity_error,
                                                          "sensitivity_error"), learnt,
-        origin=origin, camera_caveats=signal_capture.curve_caveats(fit_error, sensitivity_error,
-                                                                   doubts))
+        given=(*origin, *signal_capture.of_curves(fit_error, sensitivity_error, doubts)))
     each = sample_signals(capture, SampleOptions(method, draws, seed, coefficients,
                                                  as_number(level, "level")),
                           with_draws=given.ndim == 1)
@@ -226,7 +224,7 @@ def match(signal: Estimate | ArrayLike,
         known = read_spectral_libraries([str(word) for word in words], signal.measurement.grid)
     found = matching.match_signal(signal.name, signal.measurement, known, arguments.as_prior(prior),
                          variation=variation, evidence_ratio=evidence_ratio)
-    return replace(found, says="\n".join([found.says, *signal.caveats]))
+    return replace(found, findings=(*found.findings, *signal.stated))
 
 
 def _of_colour(signals: ArrayLike | None, camera: arguments.CameraLike | None,
