@@ -68,8 +68,8 @@ def test_units_are_converted_to_si(tmp_path):
 @pytest.mark.parametrize("text, options, message", [
     ("", {}, "is empty"),
     ("hello\nworld\n", {}, "holds no table of wavelengths"),
-    ("nm,v\n400,1\n390,2\n", {}, "must ascend; they turn back at 390 nm"),
-    ("um,v\n0.4,1\n0.5,2\n", {}, "cannot be in nm"),
+    ("nm,v\n400,1\n390,1\n420,1\n", {}, "must ascend; they turn back at 390 nm"),
+    ("x,v\n0.4,1\n0.5,2\n", {}, "cannot be in nm"),
     ("nm,a,b\n400,1,1\n500,1,1\n", {}, "holds 2 columns .'a', 'b'.; say which"),
     ("nm,a,b\n400,1,1\n500,1,1\n", {"column": "c"}, "no column named 'c'; it holds 'a', 'b'"),
     ("nm,a,a\n400,1,1\n500,1,1\n", {"column": "a"}, "2 columns named 'a'"),
@@ -81,7 +81,7 @@ def test_units_are_converted_to_si(tmp_path):
     ("# unit: furlong\nnm,a\n400,0.1\n500,0.1\n", {}, "states the unit 'furlong'"),
     ("nm,a\n400,x\n500,y\n", {}, "holds no numbers"),
     ("nm,a\n400,1\n", {}, "holds no table"),
-    ("nm,a\n400,1\n410,1\nend,1\n", {}, "'end' stands where a wavelength is needed")])
+    ("nm,a\n400,1\n410,1\nend,1\n420,1\n430,1\n", {}, "'end' stands where a wavelength is needed")])
 def test_a_bad_file_gets_one_sentence(tmp_path, text, options, message):
     with pytest.raises(InputError, match=message):
         read_spectrum(write(tmp_path, text), role=Quantity.REFLECTANCE, **options)

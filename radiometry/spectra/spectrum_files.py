@@ -5,8 +5,8 @@ session says; nothing is guessed from the values.
 """
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,12 @@ import numpy as np
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import grid_from_nm, pchip
 from spectrabox.radiometry.records import spectra
-from spectrabox.radiometry.spectra.formats import delimited, light_meters, measurement_table
+from spectrabox.radiometry.spectra.formats import (
+    delimited,
+    light_meters,
+    measurement_table,
+    units,
+)
 from spectrabox.radiometry.spectra.formats.asd import is_asd, read_asd
 from spectrabox.radiometry.spectra.formats.cgats import is_cgats, read_cgats
 from spectrabox.radiometry.spectra.formats.delimited import table_text
@@ -28,14 +33,14 @@ __all__ = ["SpectralTable", "check_reflectance", "column_index", "format_of", "o
            "read_curves", "read_reflectances", "read_spectrum", "read_table", "require_fraction",
            "spectrum_of", "spectrum_on_grid", "table_text"]
 
+VISIBLE_NM = (400, 700)
 MAX_REFLECTANCE = 1.4       # of fluorescent paper; above it is per cent
 FINE_STEP_NM = 2.5          # up to here linear interpolation is within measurement error
 # A step wider than both, among narrower ones, is a hole and no coarse grid.
 HOLE_STEPS, MAX_STEP_NM = 3.0, 20.0
 MAX_NAMED = 24              # columns in one error sentence: as many as a chart has patches
-SI_FACTORS = {"uw cm-2 sr-1 nm-1": 0.01, "µw cm-2 sr-1 nm-1": 0.01, "μw cm-2 sr-1 nm-1": 0.01,
-              "uw cm-2 nm-1": 0.01, "µw cm-2 nm-1": 0.01, "μw cm-2 nm-1": 0.01,
-              "mw m-2 nm-1": 1e-3, "mw m-2 sr-1 nm-1": 1e-3, "percent": 0.01, "%": 0.01}
+MAX_PERCENT = 100 * MAX_REFLECTANCE     # above it values are counts
+KNOWN_UNITS = ("percent", "uW cm-2 nm-1", "uW cm-2 sr-1 nm-1", "mW m-2 nm-1", "mW m-2 sr-1 nm-1")
 READERS: dict[str, Callable[[bytes, Path], SpectralTable]] = {
     "ASD": read_asd, "CGATS": read_cgats, "TM-27": read_tm27, "ENVI": read_envi, "Sekonic":
     light_meters.read_sekonic, "UPRTek": light_meters.read_uprtek, "rawtoaces": read_rawtoaces,
@@ -78,9 +83,7 @@ def read_table(path: Path) -> SpectralTable:
     if expected not in (None, kind):
         notes = (f"{path.name} is a {kind} file in spite of its name, and was read as one", *notes)
     return measurement_table.checked_table(
-        SpectralTable(table.nm, table.names, table.values,
-                                        {"format": kind, **table.facts}, table.file, table.main,
-                                        table.column_facts, notes))
+        replace(table, facts={"format": kind, **table.facts}, notes=notes))
 
 
 def format_of(content: bytes, path: Path) -> str:
@@ -157,16 +160,10 @@ def spectrum_of(table: SpectralTable, *, role: spectra.Quantity,
     valid = np.isfinite(values)
     if valid.sum() < 2:
         raise InputError(f"{table.file}: column {table.names[index]!r} holds no numbers")
-    quantity = _quantity(table, index, role)
-    unit, factor = table.fact("unit", index), 1.0
-    if unit is not None and unit not in {member.value for member in spectra.Quantity}:
-        normal = re.sub(r"\s+", " ", unit.lower())
-        if normal not in SI_FACTORS:
-            raise InputError(
-                f"{table.file} states the unit {unit!r}, which is not known; known "
-                f"are {', '.join([*(m.value for m in spectra.Quantity), *SI_FACTORS])}")
-        factor = SI_FACTORS[normal]
+    quantity, factor = _quantity_and_factor(table, index, role)
     if quantity is spectra.Quantity.REFLECTANCE:
+        if table.fact("unit", index) is None:
+            _refuse_percent(table)
         check_reflectance(values[valid] * factor, table.nm[valid], table.file)
     error = next((table.values[i] for i, name in enumerate(table.names)
                   if name == "standard_error"), None)
@@ -177,7 +174,8 @@ def spectrum_of(table: SpectralTable, *, role: spectra.Quantity,
 
 def read_curves(path: Path, columns: Sequence[str | int] | None = None
                 ) -> tuple[np.ndarray, tuple[str, ...], np.ndarray]:
-    """Several curves of a file, such as camera sensitivities: nm (P,), names, values (K, P).
+    """Several curves of a file, such as camera sensitivities: nm (P,), names, values (K, P), of
+    stated per cent as fractions.
 
     Parameters
     ----------
@@ -196,7 +194,9 @@ def read_curves(path: Path, columns: Sequence[str | int] | None = None
         chosen = [i for i, name in enumerate(table.names) if not name.startswith("standard_error")]
     else:
         chosen = [column_index(table, column) for column in columns]
-    values = table.values[chosen]
+    percent = np.array([units.value_factor(table.fact("unit", index) or units.FRACTION) == 0.01
+                        for index in chosen])
+    values = table.values[chosen] * np.where(percent, 0.01, 1.0)[:, None]
     if not np.all(np.isfinite(values)):
         raise InputError(f"{path.name}: some cells of the curves are empty or not numbers")
     return table.nm, tuple(table.names[i] for i in chosen), values
@@ -342,22 +342,54 @@ def column_index(table: SpectralTable, column: str | int | None) -> int:
     return matches[0]
 
 
-def _quantity(table: SpectralTable, index: int,
-              role: spectra.Quantity) -> spectra.Quantity:
-    stated = table.fact("quantity", index)
-    if stated is None:
-        return role
-    try:
-        quantity = spectra.Quantity[stated.upper()]
-    except KeyError:
-        known = ", ".join(member.name.lower() for member in spectra.Quantity)
-        raise InputError(
-            f"{table.file} states the quantity {stated!r}; known are {known}") from None
+def _quantity_and_factor(table: SpectralTable, index: int,
+                         role: spectra.Quantity) -> tuple[spectra.Quantity, float]:
+    """The quantity of a column, and the factor of its values to SI or fractions of 1.
+
+    Raises
+    ------
+    InputError
+        Naming every fault of what the file states.
+    """
+    known = ", ".join(member.name.lower() for member in spectra.Quantity)
     lights = {spectra.Quantity.IRRADIANCE, spectra.Quantity.RADIANCE, spectra.Quantity.RELATIVE}
-    if quantity is not role and not {quantity, role} <= lights:
-        raise InputError(f"{table.file} holds {quantity.name.lower()}; {role.name.lower()} is "
-                         "needed here")
-    return quantity
+    stated, unit = table.fact("quantity", index), table.fact("unit", index)
+    quantity, faults = role, []
+    if stated is not None and stated.upper() not in spectra.Quantity.__members__:
+        faults.append(f"{table.file} states the quantity {stated!r}; known are {known}. If it is "
+                      f"one of them, state it in a first line '# quantity: {role.name.lower()}'")
+    elif stated is not None:
+        quantity = spectra.Quantity[stated.upper()]
+        if quantity is not role and not {quantity, role} <= lights:
+            faults.append(f"{table.file} holds {quantity.name.lower()}; {role.name.lower()} is "
+                          "needed here")
+    factor = None if unit is None else units.value_factor(unit)
+    if unit is not None and factor is None:
+        faults.append(f"{table.file} states the unit {unit!r}, which is not known; known are "
+                      f"{', '.join([*(m.value for m in spectra.Quantity), *KNOWN_UNITS])}")
+    elif unit is not None and not faults and role is spectra.Quantity.REFLECTANCE and (
+            units.light_unit(unit) is not None):
+        faults.append(f"{table.file} states the unit {unit!r}, which is of light; "
+                      "a reflectance is needed here")
+    if faults:
+        raise InputError("; ".join(faults))
+    return quantity, 1.0 if factor is None else factor
+
+
+def _refuse_percent(table: SpectralTable) -> None:
+    """Refuse a table without a unit of which any column is in per cent: all of them then are.
+
+    Raises
+    ------
+    InputError
+    """
+    visible = (table.nm >= VISIBLE_NM[0]) & (table.nm <= VISIBLE_NM[1])
+    for index, (name, row) in enumerate(zip(table.names, table.values, strict=True)):
+        largest = np.max(row[visible & np.isfinite(row)], initial=0)
+        if MAX_REFLECTANCE < largest <= MAX_PERCENT and table.fact("unit", index) is None:
+            of = f" of column {name!r}" if len(table.names) > 1 else ""
+            raise InputError(f"{table.file}: a reflectance of {largest:.3g}{of} looks like "
+                             "percent; give fractions of 1, or state '# unit: percent'")
 
 
 def require_fraction(value: float, name: str) -> None:
@@ -393,9 +425,9 @@ def check_reflectance(values: np.ndarray, nm: np.ndarray, name: str) -> None:
     ------
     InputError
     """
-    visible = values[(nm >= 400) & (nm <= 700)]
+    visible = values[(nm >= VISIBLE_NM[0]) & (nm <= VISIBLE_NM[1])]
     if not visible.size:        # coarser samples than the visible range is wide
-        visible = np.interp([400, 700], nm, values)
+        visible = np.interp(VISIBLE_NM, nm, values)
     if not np.all(np.isfinite(visible)):
         raise InputError(f"{name}: a reflectance between 400 and 700 nm is not a finite number; "
                          "measure or export the missing part")

@@ -1,13 +1,4 @@
-"""CSV and its relatives: comma, semicolon or tab, one row per wavelength, with what a file beside
-it states.
-
-A plain CSV of spectra, and what it states in a file beside it.
-
-The table has one header row and numbers, no comment lines: colour-science, pandas and spreadsheets
-read it. Quantity, unit and source lie in ``NAME.csv-metadata.json``, after the W3C's Metadata
-Vocabulary for Tabular Data (CSV on the Web, 2015), whose prefixes ``dc`` and ``schema`` are.
-
-CSV and its relatives: comma, semicolon or tab, one row per wavelength.
+"""CSV and its relatives: one row for each wavelength, whatever the delimiter and the preamble.
 
 The canonical file states what it holds, in comment lines before the header row::
 
@@ -16,14 +7,15 @@ The canonical file states what it holds, in comment lines before the header row:
     # source: ASD FieldSpec 4, sphere, 2026-01-02
     wavelength_nm,value,standard_error
 
-or, of a table for other programs, in a file beside it (csvw.py). Of others' tables some have a row
-for each spectrum, and the wavelengths in the header.
+A table for other programs has one header row and numbers, no comment lines: colour-science, pandas
+and spreadsheets read it. Quantity, unit and source lie in ``NAME.csv-metadata.json``, after the
+W3C's Metadata Vocabulary for Tabular Data (CSV on the Web, 2015), whose prefixes ``dc`` and
+``schema`` are. Of others' tables some have a row for each spectrum, and the wavelengths in the
+header; text_table.py finds the rest inside their preambles.
 """
-
-
 from __future__ import annotations
 
-import csv
+import itertools
 import json
 import re
 from pathlib import Path
@@ -32,7 +24,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import Quantity
-from spectrabox.radiometry.spectra.formats import measurement_table
+from spectrabox.radiometry.spectra.formats import measurement_table, text_table, units
 from spectrabox.radiometry.spectra.formats.cgats import BAND
 from spectrabox.radiometry.system import words
 
@@ -124,14 +116,19 @@ def _title(name: str) -> str:
     return words.cell(MARKS.sub(" ", name))
 
 
-# ---- cSV and its relatives: comma, semicolon or tab, one row per wavelength ----------------------
+# ---- CSV and its relatives: a table of numbers inside a text -------------------------------------
 
-MAX_COLUMNS = 20_000        # spectra in one file
 MIN_ACROSS = 5              # wavelengths of a header that is taken for one of them
+SVC = "/*** Spectra Vista SIG Data"     # HR-512i, HR-768, HR-1024i manuals: the columns of .sig
+SVC_NAMES = ("wavelength", "reference", "target", "reflectance")
+SVC_FACTS = {"reference": {"unit": "counts"}, "target": {"unit": "counts"},
+             "reflectance": {"unit": units.PERCENT, "quantity": "reflectance"}}
+# Jaz manual: wavelength W, dark D, reference R, scope S, processed P, whose unit it does not write
+JAZ, JAZ_IRRADIANCE = {"D", "R", "S", "P"}, "Absolute Irradiance File"
 
 
 def read_delimited(content: bytes, path: Path) -> measurement_table.SpectralTable:
-    """All columns of a delimited text.
+    """All columns of the table inside a text; its axis is brought to nm.
 
     Parameters
     ----------
@@ -142,21 +139,40 @@ def read_delimited(content: bytes, path: Path) -> measurement_table.SpectralTabl
     Raises
     ------
     InputError
+        If there is no table, or its axis states a unit that is not understood.
     """
-    facts, rows = _split_rows(measurement_table.text_of(content, path.name), path.name)
-    facts = facts or facts_beside(path)
-    across = _wavelengths_across(rows)
+    text = measurement_table.text_of(content, path.name)
+    lines = text.splitlines()
+    facts = _comment_facts(lines) or facts_beside(path)
+    _check_size(lines, path.name)
+    across = _wavelengths_across(lines)
     if across is not None:
-        names, nm, values = across
-        return measurement_table.SpectralTable(nm, names, values, facts, path.name)
-    header, numbers = _header_and_numbers(rows, path.name)
-    nm = np.array([row[0] for row in numbers])
-    others = range(1, len(header))
-    values = np.array([[row[index] if index < len(row) else np.nan for row in numbers]
-                       for index in others])
+        return measurement_table.SpectralTable(across[1], across[0], across[2], facts, path.name)
+    table = text_table.find_table(lines, path.name)
+    columns = table.numbers.shape[1]
+    header = (table.header + [""] * columns)[:columns]
+    axis = _axis_column(header, table.unit_row)
+    filled = [index for index in range(columns) if header[index]
+              or np.isfinite(table.numbers[:, index]).any()]
+    kept = [index for index in range(filled[-1] + 1) if index != axis]
+    names = [words.from_cell(header[index]) or f"column {index + 1}" for index in kept]
+    column_facts = {} if "unit" in facts else _column_facts(table, kept, names, facts)
+    if "unit" not in facts and table.stated_y is not None:
+        quantity, unit = units.stated_values(table.stated_y, is_unit=True)
+        facts = {**({} if unit is None else {"unit": unit}),
+                 **({} if quantity is None else {"quantity": quantity}), **facts}
+    if text.startswith(SVC) and not table.header and columns == len(SVC_NAMES):
+        names, column_facts = list(SVC_NAMES[1:]), SVC_FACTS
+    if header[0] == "W" and set(names) <= JAZ:
+        column_facts = {name: {"unit": units.COUNTS} for name in names if name != "P"}
+        if JAZ_IRRADIANCE in lines[0]:
+            column_facts["P"] = {"unit": "uW cm-2 nm-1", "quantity": "irradiance"}
+    main = _meant(names, column_facts)
+    nm = _wavelengths_nm(table, header, axis, path.name, [
+        facts.get("unit"), *(stated.get("unit") for stated in column_facts.values())])
     return measurement_table.SpectralTable(
-        nm, tuple(words.from_cell(header[index].strip()) for index in others),
-        values.reshape(len(others), nm.size), facts, path.name)
+        nm, tuple(names), table.numbers[:, kept].T.reshape(len(kept), nm.size), facts, path.name,
+        main, column_facts, table.notes)
 
 
 def table_text(nm: np.ndarray, columns: dict[str, np.ndarray], *, quantity: Quantity,
@@ -183,76 +199,129 @@ def table_text(nm: np.ndarray, columns: dict[str, np.ndarray], *, quantity: Quan
     return "\n".join(lines) + "\n"
 
 
-def _split_rows(text: str, name: str) -> tuple[dict[str, str], list[list[str]]]:
+def _comment_facts(lines: list[str]) -> dict[str, str]:
     facts: dict[str, str] = {}
-    body = []
-    for line in text.splitlines():
+    for line in lines:
         if line.lstrip().startswith("#"):
             key, colon, value = line.lstrip("# ").partition(":")
             if colon:
                 facts[key.strip().lower()] = value.strip()
-        elif line.strip():
-            body.append(line)
-    if not body:
+    return facts
+
+
+def _check_size(lines: list[str], name: str) -> None:
+    if not any(line.strip() and not line.lstrip().startswith("#") for line in lines):
         raise InputError(f"{name} is empty; a text file of spectra is needed")
-    if (widest := max(line.count(",") + line.count(";") + line.count("\t")
-                      for line in body)) > MAX_COLUMNS:
-        raise InputError(f"{name} has lines of {widest + 1} columns; {MAX_COLUMNS} is the limit: "
-                         "give one row for each wavelength, and split the file")
-    delimiter = max(";\t,", key=lambda mark: sum(mark in line for line in body)
-                    * (2 if mark != "," else 1))
-    if not any(delimiter in line for line in body):
-        return facts, [line.split() for line in body]
-    if delimiter != "," and not any("," in line and "." in line for line in body[1:]):
-        named = not np.isfinite(
-            measurement_table.number(body[0].split(delimiter)[0].replace(",", ".")))
-        body = [*body[:named], *(line.replace(",", ".") for line in body[named:])]
-    try:
-        return facts, list(csv.reader(body, delimiter=delimiter))
-    except csv.Error as error:
-        raise InputError(
-            f"{name} cannot be split into columns ({error}); export it as CSV") from None
+    widest = max(line.count(",") + line.count(";") + line.count("\t") for line in lines)
+    if widest > text_table.MAX_COLUMNS:
+        raise InputError(f"{name} has lines of {widest + 1} columns; {text_table.MAX_COLUMNS} is "
+                         "the limit: give one row for each wavelength, and split the file")
 
 
-def _wavelengths_across(rows: list[list[str]]
-                        ) -> tuple[tuple[str, ...], np.ndarray, np.ndarray] | None:
+def _axis_column(header: list[str], unit_row: list[str]) -> int:
+    """The column of the wavelengths: the first, unless another one alone is named so."""
+    def named(cell: str) -> bool:
+        return units.WAVELENGTH.match(cell.strip()) is not None \
+            or (cell != "" and units.stated_axis(cell)[0] is not None)
+    if not header or named(header[0]) or (unit_row and units.stated_axis(unit_row[0])[0]):
+        return 0
+    others = [index for index, cell in enumerate(header) if named(cell)]
+    return others[0] if len(others) == 1 else 0
+
+
+def _wavelengths_nm(table: text_table.TextTable, header: list[str], axis: int, name: str,
+                    value_units: list[str | None]) -> np.ndarray:
+    """Wavelengths (P,) in nm by the unit that the table states nearest to its numbers.
+
+    Raises
+    ------
+    InputError
+        Naming every unit that is not understood.
+    """
+    stated = [units.stated_axis(f"[{table.unit_row[axis].strip('[](){} ')}]")
+              if table.unit_row and axis < len(table.unit_row) else (None, None),
+              units.stated_axis(header[axis]) if header else (None, None),
+              units.stated_axis(table.stated_x or "", is_unit=True)]
+    unit, unknown = next((each for each in stated if each != (None, None)), ("nm", None))
+    if unit is None:
+        faults = [f"its wavelength axis states {unknown!r}, which is not understood"]
+        faults += [f"its values state the unit {text!r}, which is not understood"
+                   for text in dict.fromkeys(value_units)
+                   if text is not None and units.value_factor(text) is None]
+        raise InputError(f"{name}: {'; '.join(faults)}; an axis in {', '.join(units.TO_NM)} is "
+                         "read")
+    return units.to_nm(table.numbers[:, axis], unit)
+
+
+def _column_facts(table: text_table.TextTable, kept: list[int], names: list[str],
+                  facts: dict[str, str]) -> dict[str, dict[str, str]]:
+    """Quantity and unit of each column that its header, its unit or its cells state."""
+    result = {}
+    for index, name in zip(kept, names, strict=True):
+        quantity, unit = units.stated_values(table.header[index] if index < len(table.header)
+                                             else "")
+        if index < len(table.unit_row) and table.unit_row[index].strip():
+            unit = units.stated_values(f"[{table.unit_row[index].strip('[](){} ')}]",
+                                       is_unit=True)[1] or unit
+        if table.percent[index]:
+            unit = units.PERCENT
+        stated = {"unit": unit, "quantity": None if "quantity" in facts else quantity}
+        known = {key: value for key, value in stated.items() if value is not None}
+        if known:
+            result[name] = known
+    return result
+
+
+def _meant(names: list[str], column_facts: dict[str, dict[str, str]]) -> str | None:
+    """The column that is meant where all others hold a spectrometer's counts."""
+    rest = [name for name in names if column_facts.get(name, {}).get("unit") != units.COUNTS]
+    return rest[0] if len(rest) == 1 < len(names) and names.count(rest[0]) == 1 else None
+
+
+def _wavelengths_across(lines: list[str]) -> tuple[tuple[str, ...], np.ndarray, np.ndarray] | None:
     """Names, wavelengths (P,) and values (C, P) of a table with one row for each spectrum.
 
-    None where the header does not end in ascending wavelengths, or the first column holds some.
+    None where no line holds ascending or descending wavelengths after its first cell, or the first
+    column holds some.
     """
-    header = [cell.strip() for cell in rows[0]]
-    labels = [BAND.fullmatch(cell) for cell in header]
-    first = next((index for index, label in enumerate(labels) if label), 0)
-    nm = np.array([float(label[1]) if label else np.nan for label in labels[first:]])
-    body = [row for row in rows[1:] if any(cell.strip() for cell in row)]
-    if first == 0 or not body or nm.size < MIN_ACROSS or not np.all(np.diff(nm) > 0):
-        return None     # also where a label is none: a step to what is no number is not above 0
-    start = np.array([measurement_table.number(row[0]) for row in body])
+    for index, line in enumerate(lines):
+        for delimiter in ("\t", ";", ",", text_table.BLANKS):
+            if delimiter != text_table.BLANKS and line.count(delimiter) < MIN_ACROSS:
+                continue
+            header = text_table.cells_of(line, delimiter)
+            labels = [BAND.fullmatch(cell) for cell in header]
+            first = next((at for at, label in enumerate(labels) if label), 0)
+            if first == 0 or np.isfinite(text_table.number(header[0])):
+                continue
+            nm = np.array([float(label[1]) for label in itertools.takewhile(
+                lambda label: label is not None, labels[first:]) if label])
+            steps = np.diff(nm)
+            if nm.size >= MIN_ACROSS and (np.all(steps > 0) or np.all(steps < 0)):
+                return _rows_across(lines[index + 1:], first, nm, delimiter)
+    return None
+
+
+def _rows_across(lines: list[str], first: int, nm: np.ndarray,
+                 delimiter: str) -> tuple[tuple[str, ...], np.ndarray, np.ndarray] | None:
+    """The spectra below a header of wavelengths, up to the first line that is none."""
+    body = []
+    for line in lines:
+        cells = text_table.cells_of(line, delimiter)
+        if any(cells) and not line.lstrip().startswith("#"):
+            if len(cells) <= first:
+                break
+            body.append(cells)
+    if not body:
+        return None
+    start = np.array([text_table.axis_number(cells[0]) for cells in body])
     if np.all(start >= measurement_table.MIN_NM) and np.all(np.diff(start) > 0):
         return None
-    texts = [index for index in range(first) if any(
-        index < len(row) and not np.isfinite(measurement_table.number(row[index])) for row in body)]
+    layouts = [layout for layout in text_table.LAYOUTS if layout[0] == delimiter]
+    values = max((np.array([[text_table.number(cells[at], decimal) if at < len(cells) else np.nan
+                             for at in range(first, first + nm.size)] for cells in body])
+                  for _, decimal in layouts), key=lambda table: int(np.isfinite(table).sum()))
+    texts = [at for at in range(first) if any(not np.isfinite(text_table.number(cells[at]))
+                                              for cells in body)]
     column = texts[0] if texts else 0
-    values = np.array([[measurement_table.number(row[index]) if index < len(row) else np.nan
-                        for index in range(first, len(header))] for row in body])
-    return measurement_table.distinct([words.from_cell(row[column].strip())
-                                       for row in body]), nm, values
-
-
-def _header_and_numbers(rows: list[list[str]], name: str) -> tuple[list[str], list[list[float]]]:
-    numbers: list[list[float]] = []
-    header: list[str] | None = None
-    for row in rows:
-        cells = [measurement_table.number(cell) for cell in row]
-        if cells and np.isfinite(cells[0]):
-            numbers.append(cells)
-        elif not numbers:
-            header = row
-        elif any(cell.strip() for cell in row):
-            raise InputError(f"{name}: {row[0]!r} stands where a wavelength is needed")
-    if len(numbers) < 2:
-        raise InputError(f"{name} holds no table of wavelengths and values; a CSV with a column of "
-                         "nm is needed")
-    width = max(len(row) for row in numbers)
-    names = (header or []) + [f"column {index + 1}" for index in range(len(header or []), width)]
-    return names[:width], numbers
+    return measurement_table.distinct([words.from_cell(cells[column])
+                                       for cells in body]), nm, values
