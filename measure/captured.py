@@ -145,10 +145,12 @@ class View:
 
     def same_light(self, other: View) -> bool:
         """Whether both are stated to be under one lamp, wherever it stands, through one filter if
-        any.
+        any. Of two filters that nobody measured nothing says that they are one.
         """
+        if self.name == other.name:
+            return True
         return self.lamp == other.lamp and (self.filter is None) == (other.filter is None) \
-            and self.filter_words == other.filter_words
+            and self.filter_known and self.filter_words == other.filter_words
 
     @property
     def light_of_fit(self) -> spectra.Spectrum | spectra.UnknownLight:

@@ -220,3 +220,14 @@ def test_a_filter_changes_the_light_and_needs_a_chart_of_its_own(tmp_path):
     assert b.filter.file == "orange.csv" and c.filter is not None and c.filter.file is None
     assert [view.chart_files for view in (b, c)] == [("photos/b.dng",), ("photos/c.dng",)]
     assert not b.same_light(first) and not b.same_light(c) and b.same_light(b)
+
+
+@pytest.mark.parametrize("stated, alike", [('filter = "orange.csv"', True),
+                                           ('filter = "unknown"', False)])
+def test_two_filters_that_nobody_measured_are_two(tmp_path, stated, alike):
+    also = f'same_light_as = "photo"\n{stated}'
+    (tmp_path / "session.toml").write_text(FLAT.format(first='"unknown"', b=also, c=also), "utf-8")
+    (tmp_path / "orange.csv").write_text("400,0.1\n500,0.2\n700,0.9\n", "utf-8")
+    config = read_session(tmp_path)
+    for _, b, c in (config.all_views, config.capture().views):
+        assert b.same_light(c) is c.same_light(b) is alike and b.same_light(b)

@@ -290,8 +290,13 @@ class CompleteView(ViewSection):
         return self.light.stated and (self.filter is None or self.filter.file is not None)
 
     def same_light(self, other: CompleteView) -> bool:
-        """Whether both are stated to be under one lamp, through one filter if any."""
-        return self.lamp_of == other.lamp_of and self.filter == other.filter
+        """Whether both are stated to be under one lamp, through one filter if any. Of two filters
+        that nobody measured nothing says that they are one.
+        """
+        if self.name == other.name:
+            return True
+        unknown = self.filter is not None and self.filter.file is None
+        return self.lamp_of == other.lamp_of and self.filter == other.filter and not unknown
 
 
 class Shoot(Table):
