@@ -15,7 +15,7 @@ PAGE = Path(__file__).resolve().parent / "reference" / "session.md"
 HEAD = "| key | default | range | meaning |\n|---|---|---|---|\n"
 BOX = "[measured with a tape](#a-box-measured-with-a-tape)"
 # defaults that another key or a file of the program says
-DEFAULTS = {"chart.reference": "a copy of the layout", "sensitivity.method": "`prior`",
+DEFAULTS = {"chart.reference": "a copy of the layout",
             "sensitivity.prior": "shipped", "materials.NAME.bsdf": "`NAME`",
             "views.NAME.light": "`light.spectrum`", "views.NAME.scene": "`scene.file`",
             "views.NAME.camera": "that of `scene.box`", "sensitivity.from": '`"chart"`'}

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeVar
 
 import numpy as np
 
@@ -21,8 +20,7 @@ from spectrabox.calibrate.chart_calibration import (
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.capture.chart.chart_agreement import TYPICAL_SIGNALS
 from spectrabox.capture.chart.quality import ChartVerdict, judge_chart
-from spectrabox.measure import rules, texts
-from spectrabox.measure.captured import LitChart
+from spectrabox.measure import captured, rules, texts
 from spectrabox.measure.results import calibration_facts
 from spectrabox.measure.steps import chart_fit
 from spectrabox.radiometry.chart import (
@@ -38,7 +36,6 @@ from spectrabox.radiometry.records import spectra
 from spectrabox.radiometry.records.calibration import HeldOutPatches, SensitivityFit
 from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PatchSamples
 
-Stated = TypeVar("Stated")
 ERROR_PREFIX = "standard_error"   # before a band's name, of a column of errors
 
 
@@ -81,9 +78,9 @@ def measure_chart(photo: LinearImage, chart: Chart, reflectances: np.ndarray,
     ClippedPhotoError
         If more than a few patches are saturated.
     """
-    reference = chart_signals(chart, reflectances, grid)
-    detection = chart_fit.find(photo, reference, chart, corners_px)
-    return chart_fit.patches(photo, detection, chart, photo.source)
+    expected = chart_signals(chart, reflectances, grid)
+    _, samples = chart_fit.find_patches(photo, expected, chart, corners_px)
+    return samples
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,10 +93,10 @@ class ChartSignals:
     notes: tuple[str, ...] = ()
 
 
-def chart_in_photo(photo: LinearImage, chart: Chart, reflectances: np.ndarray,
-                   corners_px: np.ndarray | None = None) -> ChartSignals:
-    """The patches of a chart in a photo, as `measure_chart` takes them on FINE_GRID."""
-    samples = measure_chart(photo, chart, reflectances, FINE_GRID, corners_px)
+def chart_in_photo(photo: LinearImage, stated: captured.Capture) -> ChartSignals:
+    """The patches of the stated chart in a photo, as `measure_chart` takes them on FINE_GRID."""
+    chart = stated.lit_chart
+    samples = measure_chart(photo, chart.layout, chart.reflectances, FINE_GRID, chart.corners_px)
     return ChartSignals(photo.source, samples, spectra.default_band_names(photo.signal.shape[2]))
 
 
@@ -128,61 +125,6 @@ def judged_chart(photo: LinearImage, chart: Chart, reference: str | None,
     signals = chart_signals(chart, reflectances, FINE_GRID)
     detection = chart_fit.find(photo, signals, chart, corners_px)
     return detection, judge_chart(photo, detection, signals, chart)
-
-
-@dataclass(frozen=True, eq=False)
-class CameraCapture:
-    """Photos of a chart by one camera, and what is stated of them.
-
-    Attributes
-    ----------
-    shown : tuple of ChartSignals
-        One for each photo.
-    lights : tuple of Spectrum or UnknownLight
-        One for each photo, or one for all.
-    charts : tuple of LitChart
-        Likewise; where nobody stated its reflectances, the photos tell which copy it is.
-    irradiance : (I,) array, optional
-        On each patch for a light spectrum of 1: then the strength of the light is known.
-    lamp_position_error : float
-        Relative standard error of that irradiance.
-    """
-
-    shown: tuple[ChartSignals, ...]
-    lights: tuple[spectra.Spectrum | spectra.UnknownLight, ...]
-    charts: tuple[LitChart, ...]
-    irradiance: np.ndarray | None = None
-    lamp_position_error: float = 0.0
-
-    def photos(self) -> list[ChartPhoto]:
-        """Each photo with its light and its chart.
-
-        Raises
-        ------
-        InputError
-            If they are of other bands, or two are the same.
-        """
-        first = self.shown[0]
-        for index, one in enumerate(self.shown):
-            if any(np.array_equal(one.samples.mean, other.samples.mean)
-                   for other in self.shown[:index]):
-                raise InputError(f"{one.source} holds the same signals as another of the photos; "
-                                 "counted twice, one photo would seem surer than it is: give each "
-                                 "photo once")
-            if one.bands != first.bands:
-                raise InputError(f"{one.source} has the bands {', '.join(one.bands)}, "
-                                 f"{first.source} has {', '.join(first.bands)}; all photos must be "
-                                 "of one camera, its bands in the same order")
-        indices = range(len(self.shown))
-        return chart_fit.as_fitted([one.samples for one in self.shown],
-                                   [own_or_common(self.charts, index) for index in indices],
-                                   [own_or_common(self.lights, index) for index in indices],
-                                   self.irradiance)
-
-
-def own_or_common(values: Sequence[Stated], photo: int) -> Stated:
-    """What is stated of a photo, one for each or one for all."""
-    return values[photo if len(values) > 1 else 0]
 
 
 @dataclass(frozen=True)
@@ -309,28 +251,72 @@ def light_words(light: spectra.Spectrum | spectra.UnknownLight) -> str:
     return light.words if isinstance(light, spectra.UnknownLight) else light.source
 
 
-def measure_camera(capture: CameraCapture, options: CalibrationOptions,
+def measure_camera(shown: Sequence[ChartSignals], stated: Sequence[captured.Capture],
                    seed: int = 0) -> CameraFit:
     """The curves of the camera that took some photos of a chart.
 
     Parameters
     ----------
-    capture : CameraCapture
-    options : CalibrationOptions
+    shown : sequence of ChartSignals
+        One for each photo.
+    stated : sequence of Capture
+        One for each photo, or one for all. How the curves are fitted, and where light and chart
+        stood, is stated with the first.
     seed : int
         Of the draws of the curves.
 
     Raises
     ------
-    InputError, CheckError, CalibrationError
-        As ``calibrate_chart``, or as the photos of the capture.
+    InputError
+        If photos are of other bands, or two are the same.
+    CheckError, CalibrationError
+        As ``calibrate_chart``.
     """
-    fit = fit_camera(capture.photos(), FINE_GRID, options, seed)
-    if capture.irradiance is not None:
+    first = stated[0]
+    chosen, scene = first.sensitivity, first.chart_scene
+    _require_one_camera(shown)
+    first.band_names(shown[0].bands)        # refuses measured curves of other bands
+    options = CalibrationOptions(chosen.method, chosen.prior, curves=chosen.curves)
+    irradiance = None if scene is None else chart_fit.irradiance_on(first.layout, scene, first.seed,
+                                                                    "auto")
+    fit = fit_camera(photos_of_charts(shown, stated, irradiance), FINE_GRID, options, seed)
+    if scene is not None:
+        error = chart_fit.lamp_error(first.layout, scene, first.repeatability.lamp_position,
+                                     first.seed)
         fit = replace(fit, chart=replace(fit.chart, calibration=chart_fit.with_lamp_error(
-            fit.chart.calibration, capture.lamp_position_error)))
-    return replace(fit, bands=capture.shown[0].bands,
-                   notes=tuple(note for one in capture.shown for note in one.notes))
+            fit.chart.calibration, error)))
+    return replace(fit, bands=shown[0].bands,
+                   notes=tuple(note for one in shown for note in one.notes))
+
+
+def photos_of_charts(shown: Sequence[ChartSignals], stated: Sequence[captured.Capture],
+                     irradiance: np.ndarray | None = None) -> list[ChartPhoto]:
+    """Charts in photos as their fits take them: where nobody stated the reflectances, the photos
+    tell which copy it is.
+
+    Parameters
+    ----------
+    shown, stated
+        As of ``measure_camera``.
+    irradiance : (I,) array, optional
+        On each patch for a light spectrum of 1; None where it is not known.
+    """
+    of_photos = [stated[index if len(stated) > 1 else 0] for index in range(len(shown))]
+    return chart_fit.as_fitted([one.samples for one in shown], [one.lit_chart for one in of_photos],
+                               [one.views[0].light for one in of_photos], irradiance)
+
+
+def _require_one_camera(shown: Sequence[ChartSignals]) -> None:
+    first = shown[0]
+    for index, one in enumerate(shown):
+        if any(np.array_equal(one.samples.mean, other.samples.mean) for other in shown[:index]):
+            raise InputError(f"{one.source} holds the same signals as another of the photos; "
+                             "counted twice, one photo would seem surer than it is: give each "
+                             "photo once")
+        if one.bands != first.bands:
+            raise InputError(f"{one.source} has the bands {', '.join(one.bands)}, "
+                             f"{first.source} has {', '.join(first.bands)}; all photos must be "
+                             "of one camera, its bands in the same order")
 
 
 def fit_camera(photos: Sequence[ChartPhoto], grid: spectra.WavelengthGrid,

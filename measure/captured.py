@@ -89,7 +89,7 @@ class Sensitivity:
     curves: np.ndarray | None = None        # (K, P), largest value 1
     names: tuple[str, ...] = ()             # of the curves
     source: str = "chart"                   # of the curves, in words
-    method: str | None = None               # of a chart's fit; "prior" by default
+    method: str = "prior"                   # of a chart's fit
     prior: CameraPrior | None = None
     relative_error: float = 0.02            # of signals predicted from measured curves
 

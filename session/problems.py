@@ -213,6 +213,5 @@ def require_chart(capture: captured.Capture, view: captured.View, photo: LinearI
     """
     layout = capture.layout
     signals = typical_camera_signals(capture.lit_chart.reflectances, FINE_GRID, view.power)
-    detection = chart_fit.find(photo, signals, layout, stated_corners(capture, view))
-    chart_fit.patches(photo, detection, layout, view.chart_names[0],
-                      bands_may_drop=capture.bands_may_drop)
+    chart_fit.find_patches(photo, signals, layout, stated_corners(capture, view),
+                           name=view.chart_names[0], bands_may_drop=capture.bands_may_drop)

@@ -17,8 +17,8 @@ from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.fixtures.chart_scene import chart_scene, mosaic
 from spectrabox.fixtures.dng import write_dng
-from spectrabox.measure.camera import CameraCapture, ChartSignals
-from spectrabox.measure.captured import LitChart
+from spectrabox.measure.camera import ChartSignals, photos_of_charts
+from spectrabox.measure.captured import FlatCapture, LitChart, View
 from spectrabox.measure.chart_patches import edition_in_photo
 from spectrabox.measure.results.calibration_facts import copy_facts
 from spectrabox.radiometry.appearance import tristimulus_weights
@@ -139,14 +139,17 @@ def test_what_is_said_of_copies_holds_as_often_as_it_says():
     assert np.corrcoef(np.transpose(whites))[0, 1] > 0.5
 
 
+def chart_alone(light, reflectances=SINCE.mean, stated=True):
+    chart = LitChart(CLASSIC, reflectances, np.zeros(24, bool), stated=stated)
+    return FlatCapture(views=(View("", {}, {}, light, ""),), chart=chart, regions={})
+
+
 def test_a_photo_of_before_november_2014_shows_no_chart_made_since():
     assert editions(CLASSIC, "2014-10-31 12:00:00") == (BEFORE_2014,)
     assert editions(CLASSIC, "2014-11-01") == editions(CLASSIC) == (SINCE, BEFORE_2014)
     shown = samples(signals(on_grid(cameras_at_10_nm(1, 80)[0]), led(), SINCE.mean))
     old = ChartSignals("chart.dng", replace(shown, taken_at="2010-06-01 10:00:00"), ("R", "G", "B"))
-    chart = LitChart(CLASSIC, SINCE.mean, np.zeros(24, bool), stated=False)
-    capture = CameraCapture((old,), (UnknownLight(),), (chart,))
-    (photo,) = capture.photos()
+    (photo,) = photos_of_charts([old], [chart_alone(UnknownLight(), stated=False)])
     assert photo.editions == (BEFORE_2014,)
     np.testing.assert_array_equal(photo.reflectances, BEFORE_2014.mean)
 
@@ -154,9 +157,8 @@ def test_a_photo_of_before_november_2014_shows_no_chart_made_since():
 def test_a_reference_that_is_stated_is_taken_as_it_is():
     named = chart_reflectances("BabelColor Average", GRID)
     shown = samples(signals(on_grid(cameras_at_10_nm(1, 80)[0]), led(), named))
-    chart = LitChart(CLASSIC, named, np.zeros(24, bool))
-    capture = CameraCapture((ChartSignals("chart.dng", shown, ("R", "G", "B")),), (LAMP,), (chart,))
-    (photo,) = capture.photos()
+    (photo,) = photos_of_charts([ChartSignals("chart.dng", shown, ("R", "G", "B"))],
+                                [chart_alone(LAMP, named)])
     assert photo.editions == () and np.array_equal(photo.reflectances, named)
     made = calibrated(photo)
     assert made.copy is None and np.array_equal(made.reflectances, named)

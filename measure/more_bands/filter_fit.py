@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
+from spectrabox.calibrate.chart_calibration import CalibrationOptions
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.measure.camera import chart_signals
 from spectrabox.measure.regions.flat_signals import DARK_BAND
@@ -73,15 +73,13 @@ def filter_from_photos(bare: LinearImage, through: LinearImage, chart: Chart,
         raise InputError(f"{bare.source} and {through.source} are one photo; the second is to be "
                          "taken through the filter")
     expected = chart_signals(chart, reflectances, FINE_GRID)
-    first = chart_fit.find(bare, expected, chart)
-    second = chart_fit.find(through, expected, chart, before=first, filtered=True)
-    shown = []
-    for photo, detection, passed in ((bare, first, None), (through, second, unknown_filter())):
-        patches = chart_fit.patches(photo, detection, chart, photo.source)
-        shown.append(ChartPhoto(patches, reflectances, light, chart=chart, filter=passed))
+    detection, patches = chart_fit.find_patches(bare, expected, chart)
+    _, filtered = chart_fit.find_patches(through, expected, chart, before=detection, filtered=True)
     stated = bare.exposure_s is not None and through.exposure_s is not None
-    return filter_from_charts(shown[0], shown[1],
-                              exposure_ratio(bare, through) if stated else None)
+    return filter_from_charts(
+        ChartPhoto(patches, reflectances, light, chart=chart),
+        ChartPhoto(filtered, reflectances, light, chart=chart, filter=unknown_filter()),
+        exposure_ratio(bare, through) if stated else None)
 
 
 def filter_from_charts(bare: ChartPhoto, through: ChartPhoto, exposure: float | None,
@@ -102,7 +100,7 @@ def filter_from_charts(bare: ChartPhoto, through: ChartPhoto, exposure: float | 
     CalibrationError, CheckError, InputError
         As ``calibrate_chart``.
     """
-    fit = calibrate_chart([bare, through], FINE_GRID, options).prior_fit
+    fit = chart_fit.fit([bare, through], FINE_GRID, options)[0].prior_fit
     assert fit is not None and fit.photos[1].filter is not None
     first, second = fit.photos
     fitted = fit.photos[1].filter

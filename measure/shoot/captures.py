@@ -111,7 +111,6 @@ class _Reader:
 
     def scene_capture(self) -> captured.SceneCapture:
         shoot, inputs = self.shoot, self.inputs
-        chart_scene = self.read(read_chart_scene, shoot, inputs) if shoot.views_with_chart else None
         lens = None if shoot.camera.lens is None else self.read(
             lambda name: read_lens(inputs.path(name)), shoot.camera.lens)
         views = tuple(
@@ -123,7 +122,7 @@ class _Reader:
         materials = {name: captured.Material(**self._surface(section), bsdf=section.bsdf or name)
                      for name, section in shoot.materials.items()}
         files = dict.fromkeys(view.scene for view in shoot.all_views if view.scene is not None)
-        return captured.SceneCapture(views=views, materials=materials, chart_scene=chart_scene,
+        return captured.SceneCapture(views=views, materials=materials,
                             inversion=shoot.reconstruct,
                             scale_from_chart=shoot.scale.source == "chart",
                             refinements={} if self.faults else {
@@ -136,6 +135,8 @@ class _Reader:
         return {
             "name": shoot.session.name, "seed": shoot.session.seed,
             "chart": self.read(_lit_chart, shoot, self.inputs) if shoot.views_with_chart else None,
+            "chart_scene": self.read(read_chart_scene, shoot, self.inputs)
+            if shoot.views_with_chart else None,
             "development": captured.Development(
                 tuple(self.file(name) for name in photos.dark_files),
                 {band: self.file(name) for band, name in photos.flats.items()},

@@ -38,7 +38,7 @@ def _flat(shoot: Shoot) -> Iterator[str]:
     if shoot.sampling.through == "transport":
         yield ("sampling.through = \"transport\" follows light through a scene; "
                "regions of a flat sample take \"surface\"")
-    if shoot.sensitivity.method not in (None, "prior"):
+    if shoot.sensitivity.method != "prior":
         yield (f"sensitivity.method = {shoot.sensitivity.method!r} knows nothing "
                "of the light over the chart, which carries it to the regions; use \"prior\"")
     photos = (FIRST_PHOTO, *shoot.views)
@@ -324,7 +324,7 @@ def _unknown_lights(shoot: Shoot) -> Iterator[str]:
                "of several spectra: products of the camera with each are needed, and a chart tells "
                "those with one; measure the lamps, or leave out light.by_id if all have one "
                "spectrum")
-    if not shoot.camera_from_chart or shoot.sensitivity.method not in (None, "prior"):
+    if not shoot.camera_from_chart or shoot.sensitivity.method != "prior":
         yield ("a light that is not known is found with the camera from the chart: "
                "leave out sensitivity.from and sensitivity.method, or measure the light")
     for view in others:

@@ -1,14 +1,16 @@
 """What is stated of a measurement: ``Shoot``, a model with a table for each part of it.
 
-Each key stands here once, with its unit, limits, default and meaning. ``session.toml``, the
-arguments of the library and the options of commands state it; editors show the meanings. Curves are
-in ``curves.py``, errors and options in ``options.py``; ``rules.py`` says which keys do not go
-together, and ``captures.py`` reads the files that are named.
+Each key stands here once, with its unit, limits, default and meaning; editors and the help of
+commands show the meanings. There are three ways in, with tables of the same names: ``from_toml``
+from a session's file, ``from_arguments`` from a function of the library, ``from_command`` from a
+command that measures without a session. Curves are in ``curves.py``, errors and options in
+``options.py``; ``rules.py`` says which keys do not go together, and ``captures.py`` reads the files
+that are named.
 """
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Any, Literal, Self, get_args, get_origin
 
 from pydantic import Field, model_validator
 
@@ -16,7 +18,7 @@ from spectrabox.measure import captured
 from spectrabox.measure.shoot import curves, options
 from spectrabox.measure.steps import declared_steps
 from spectrabox.radiometry.charts.layouts import is_layout_file
-from spectrabox.radiometry.checked_tables import ListOf, Table
+from spectrabox.radiometry.checked_tables import ListOf, Table, checked
 from spectrabox.reconstruct.scene import box_tables
 
 FILE_NAME = "session.toml"
@@ -127,8 +129,8 @@ class SensitivitySection(Table):
         curves.SourceTable(file=curves.FROM_CHART), validation_alias="from",
         description="\"chart\", a file of measured curves, or a camera's "
         "name")
-    method: Literal["prior", "smooth", "nonnegative", "paper"] | None = Field(
-        None, description="prior: learnt from measured cameras; the others: splines")
+    method: Literal["prior", "smooth", "nonnegative", "paper"] = Field(
+        "prior", description="prior: learnt from measured cameras; the others: splines")
     prior: str | None = Field(None, description="a prior made by 'spectrabox camera prior'")
     relative_error: float = Field(0.02, ge=1e-4, le=1, description="of signals predicted from "
                                   "measured curves")
@@ -321,6 +323,21 @@ class Shoot(Table):
     sampling: options.Sampling = options.Sampling()
     picture: options.PictureOptions | None = None
 
+    @classmethod
+    def from_toml(cls, tables: Mapping[str, Any]) -> Self:
+        """What the tables of a session.toml state; raises as ``checked``, as do those below."""
+        return checked(cls, tables, FILE_NAME)
+
+    @classmethod
+    def from_arguments(cls, tables: Mapping[str, Any]) -> Self:
+        """What the arguments of a function of the library state, in the same tables."""
+        return checked(cls, {"session": {"name": ""}, **tables}, "arguments")
+
+    @classmethod
+    def from_command(cls, tables: Mapping[str, Any]) -> Self:
+        """What the options of a command without a session state, in the same tables."""
+        return checked(cls, {"session": {"name": ""}, **tables}, "options")
+
     @property
     def flat(self) -> bool:
         """Whether regions of flat samples are measured and no scene; an empty [regions] says so
@@ -439,7 +456,7 @@ class Shoot(Table):
 
 
 def meaning(key: str) -> str:
-    """What a key means, as a sentence.
+    """What a key means, as a sentence, and which of its words is the default.
 
     Parameters
     ----------
@@ -450,6 +467,8 @@ def meaning(key: str) -> str:
     kind = Shoot.model_fields[table].annotation
     model = next(each for each in (kind, *get_args(kind))
                  if isinstance(each, type) and issubclass(each, Table))
-    said = next(field.description or "" for named, field in model.model_fields.items()
-                if name in (named, field.validation_alias))
-    return f"{said[0].upper()}{said[1:].rstrip('.')}."
+    field = next(field for named, field in model.model_fields.items()
+                 if name in (named, field.validation_alias))
+    said = field.description or ""
+    default = f" By default {field.default}." if get_origin(field.annotation) is Literal else ""
+    return f"{said[0].upper()}{said[1:].rstrip('.')}.{default}"

@@ -107,7 +107,7 @@ def calibrate_scene(capture: captured.SceneCapture, records: CaptureRecords,
     photos = _chart_photos(capture, records, irradiance)
     chosen = capture.sensitivity
     fits = _fitted(capture, _fits_of_scene(capture), photos, chart_calibration.CalibrationOptions(
-        chosen.method or "prior", chosen.prior, curves=chosen.curves))
+        chosen.method, chosen.prior, curves=chosen.curves))
     on_chart = photos[""].irradiance_or_pi if "" in photos else np.zeros(0)
     if irradiance is None:
         return _records(fits, charts, on_chart)
@@ -310,7 +310,7 @@ def _options_of_flat(capture: captured.FlatCapture) -> chart_calibration.Calibra
     prior = chosen.prior
     if chosen.curves is not None:
         prior = prior_of_curves(FINE_GRID, chosen.curves, chosen.relative_error)
-    return chart_calibration.CalibrationOptions(chosen.method or "prior", prior)
+    return chart_calibration.CalibrationOptions(chosen.method, prior)
 
 
 def _own_scale(photo: ChartPhoto, camera: Calibration, prior_fit: PriorFit | None,
@@ -328,7 +328,7 @@ def _own_scale(photo: ChartPhoto, camera: Calibration, prior_fit: PriorFit | Non
     if prior_fit is not None:
         return prior_fit.photos[index].light_scale
     options = chart_calibration.CalibrationOptions(curves=camera.sensitivity.curves)
-    return chart_calibration.calibrate_chart([photo], FINE_GRID, options).scale
+    return chart_fit.fit([photo], FINE_GRID, options)[0].scale
 
 
 def _irradiance(capture: captured.SceneCapture, work: Work) -> np.ndarray | None:

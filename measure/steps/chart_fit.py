@@ -60,28 +60,33 @@ def find(photo: LinearImage, expected: np.ndarray, layout: Chart,
         return find_chart_again(photo, expected, before, layout)
 
 
-def patches(photo: LinearImage, detection: ChartDetection, layout: Chart, name: str, *,
-            bands_may_drop: bool = False) -> PatchSamples:
-    """Signals of the patches of a chart that was found.
+def find_patches(photo: LinearImage, expected: np.ndarray, layout: Chart,
+                 corners_px: np.ndarray | None = None, before: ChartDetection | None = None, *,
+                 filtered: bool = False, name: str = "",
+                 bands_may_drop: bool = False) -> tuple[ChartDetection, PatchSamples]:
+    """The chart in a photo, and the signals of its patches.
 
     Parameters
     ----------
-    photo : LinearImage
-    detection : ChartDetection
-    layout : Chart
+    photo, expected, layout, corners_px, before, filtered
+        As of ``find``.
     name : str
-        Of the photo, for messages.
+        Of the photo, for messages; by default its source.
     bands_may_drop : bool
         As of ``require_unclipped``.
 
     Raises
     ------
+    ChartNotFoundError, CheckError
+        As ``find_chart``.
     ClippedPhotoError
         If more than a few patches are saturated.
     """
+    detection = find(photo, expected, layout, corners_px, before, filtered=filtered)
     samples = sample_patches(photo, detection)
-    require_unclipped(samples, layout.names, name, layout.neutrals, bands_may_drop=bands_may_drop)
-    return samples
+    require_unclipped(samples, layout.names, name or photo.source, layout.neutrals,
+                      bands_may_drop=bands_may_drop)
+    return detection, samples
 
 
 def as_fitted(

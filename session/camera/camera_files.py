@@ -16,25 +16,23 @@ from spectrabox.capture.photo.preview import photo_orientation
 from spectrabox.measure import chart_patches
 from spectrabox.measure.camera import (
     ERROR_PREFIX,
-    CameraCapture,
     CameraFit,
     ChartSignals,
     chart_in_photo,
     judged_chart,
-    own_or_common,
 )
-from spectrabox.measure.captured import LitChart
-from spectrabox.radiometry.chart import CLASSIC, Chart, excluded_patches
+from spectrabox.measure.captured import Capture, FlatCapture, SceneCapture
+from spectrabox.measure.shoot.captures import capture_of
+from spectrabox.measure.shoot.inputs import Inputs
+from spectrabox.measure.shoot.shoot import Shoot
+from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.charts.layouts import chart_layout
-from spectrabox.radiometry.charts.references import reference_reflectances
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import read_text, whole_file, write_text_whole
-from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import spectra
 from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PatchSamples
 from spectrabox.radiometry.spectra import spectrum_files
 from spectrabox.radiometry.spectra.cameras import cameras_folder, keep_camera
-from spectrabox.radiometry.spectra.named_spectra import stated_light
 from spectrabox.radiometry.system.words import is_whole_number
 from spectrabox.session.terminal.command_line import CORNERS, pixel_numbers
 
@@ -158,36 +156,67 @@ def _is_number(cell: str) -> bool:
 
 # ---- what the camera commands read and write -----------------------------------------------------
 
-def camera_capture(chart: Chart, photos: Sequence[Path], tables: Sequence[Path],
-                   lights: Sequence[str], references: Sequence[str], corners: Sequence[str],
-                   leave_out: str) -> CameraCapture:
-    """The photos of a chart, or the tables of its signals, with what is stated of them.
+def stated_of_charts(photos: Sequence[Path], lights: Sequence[str], references: Sequence[str],
+                     corners: Sequence[str], layout: str, leave_out: str, method: str | None,
+                     prior: Path | None, curves: Path | None) -> list[FlatCapture | SceneCapture]:
+    """What is stated of each photo of a chart, its spectra and files read.
 
     Parameters
     ----------
-    chart : Chart
-    photos, tables : sequences of Path
+    photos : sequence of Path
+        Or tables of signals.
     lights, references, corners : sequences of str
         As of ``--light``, ``--reference`` and ``--corners``: one for each photo, or one for all.
-    leave_out : str
-        Numbers of patches such as 5,10.
+    layout, leave_out : str
+        As of ``--chart-layout`` and ``--leave-out``.
+    method : str or None
+        Of the fit; None takes the model's own.
+    prior, curves : Path or None
+        A prior on curves; measured curves, in place of a fit.
 
     Raises
     ------
     InputError
         If one of the files cannot be read.
     """
-    stated = {name: stated_light(name, FINE_GRID) for name in lights}
-    excluded = excluded_patches(numbers_of_patches(leave_out), chart, "--leave-out")
-    reflectances = tuple(reference_reflectances(name, chart, FINE_GRID)
-                         for name in references or (None,))
-    shown = [_signals_of_picture(photo, chart, own_or_common(reflectances, index),
-                                 own_or_common(corners or (None,), index))
-             for index, photo in enumerate(photos)]
-    shown += [read_patches(table, chart) for table in tables]
-    charts = tuple(LitChart(chart, each, excluded, stated=bool(references))
-                   for each in reflectances)
-    return CameraCapture(tuple(shown), tuple(stated[name] for name in lights), charts)
+    chart = read_layout(layout)
+    quads = [corner_points(text, chart).tolist() for text in corners]
+    stated = []
+    for index, photo in enumerate(photos):
+        light, reference, quad = (
+            None if not values else values[index if len(values) > 1 else 0]
+            for values in (lights, references, quads))
+        stated.append(capture_of(Shoot.from_command({
+            "photos": {"object": str(photo)}, "regions": {}, "light": {"spectrum": light},
+            "chart": {"reference": reference, "corners_px": quad,
+                      "leave_out": numbers_of_patches(leave_out)}
+            | ({"layout": layout} if layout else {}),
+            "sensitivity": {"prior": None if prior is None else str(prior)}
+            | ({} if method is None else {"method": method})
+            | ({} if curves is None else {"from": {"file": str(curves)}})}),
+            Inputs(Path(), allow_outside=True)))
+    return stated
+
+
+def charts_shown(photos: Sequence[Path], tables: Sequence[Path],
+                 stated: Sequence[Capture]) -> list[ChartSignals]:
+    """The patches of the chart in each photo, or of each table of signals.
+
+    Parameters
+    ----------
+    photos, tables : sequences of Path
+    stated : sequence of Capture
+        One for each of them.
+
+    Raises
+    ------
+    InputError, CheckError
+        If a file cannot be read, or does not show the chart.
+    """
+    shown = [chart_in_photo(develop_photos([path], [], None,
+                                           orientation=photo_orientation(path))[0], capture)
+             for path, capture in zip(photos, stated, strict=False)]
+    return shown + [read_patches(table, stated[0].layout) for table in tables]
 
 
 def numbers_of_patches(written: str) -> list[int]:
@@ -209,13 +238,6 @@ def numbers_of_patches(written: str) -> list[int]:
 def read_layout(layout: str) -> Chart:
     """The chart of a name or a layout file; a ColorChecker Classic where nothing is named."""
     return chart_layout(layout) if layout else CLASSIC
-
-
-def _signals_of_picture(path: Path, chart: Chart, reflectances: np.ndarray,
-                        corners: str | None) -> ChartSignals:
-    photo, _ = develop_photos([path], [], None, orientation=photo_orientation(path))
-    return chart_in_photo(photo, chart, reflectances,
-                          None if corners is None else corner_points(corners, chart))
 
 
 def chart_named(image: LinearImage, layout: str, reference: str | None,
@@ -253,19 +275,6 @@ def corner_points(text: str, chart: Chart) -> np.ndarray:
     """
     return np.array(pixel_numbers(text, 8, "--corners", f"{CORNERS} at {chart.corner_words}")
                     ).reshape(4, 2)
-
-
-def read_measured_curves(path: Path, bands: int, grid: spectra.WavelengthGrid) -> np.ndarray:
-    """Measured sensitivities (K, P) of largest value 1."""
-    nm, names, curves = spectrum_files.read_curves(path)
-    if len(names) != bands:
-        raise InputError(f"{path.name} holds {len(names)} curves, the photo has {bands} bands; "
-                         "give a column per band")
-    values = spectrum_files.on_grid(nm, curves, grid, path.name)
-    if values.max() <= 0 or values.min() < -0.05 * values.max():
-        raise InputError(f"{path.name}: sensitivities must be positive; they run from "
-                         f"{values.min():.3g} to {values.max():.3g}")
-    return values.clip(0) / values.max()
 
 
 def require_outputs(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:

@@ -49,7 +49,7 @@ def fit(
             metavar="CSV", help="Signals, a row for each patch, in place of a photo; columns named "
             "standard_error... hold their errors.")] = (),
     method: Annotated[
-        str, typer.Option(metavar="|".join(METHODS), help="{sensitivity.method}")] = "prior",
+        str | None, typer.Option(metavar="|".join(METHODS), help="{sensitivity.method}")] = None,
     curves: Annotated[
         Path | None,
         typer.Option(metavar="CSV", help="Measured curves, with method file.")] = None,
@@ -82,7 +82,7 @@ def fit(
     Of several photos the first --light and --reference belong to the first photo, the second to the
     second; one alone serves all.
     """
-    if method not in METHODS:
+    if method is not None and method not in METHODS:
         raise command_line.UsageProblem(
             f"--method {method} is not known; known are {', '.join(METHODS)}")
     photos = (*photos, *chart)
@@ -97,43 +97,30 @@ def fit(
                 f"{len(stated)} times {option} for {len(given)} photos; give one "
                 "for each or one for all")
     outputs = [path for path in (out, draws_file) if path is not None]
-    from spectrabox.calibrate.chart_calibration import CalibrationOptions
-    from spectrabox.calibrate.prior.camera_prior import load_camera_prior
     from spectrabox.measure.camera import measure_camera
-    from spectrabox.radiometry.grid import FINE_GRID
     from spectrabox.radiometry.spectra.cameras import keep_camera, require_new_name
-    from spectrabox.session.camera.camera_files import (
-        camera_capture,
-        read_layout,
-        read_measured_curves,
-        require_outputs,
-        write_curves,
-        write_draws,
-    )
+    from spectrabox.session.camera import camera_files
     inputs = [*given, *map(Path, (*light, *reference)),
               *(path for path in (curves, prior_file) if path is not None)]
-    require_outputs(outputs, inputs)
+    camera_files.require_outputs(outputs, inputs)
     command_line.check_ending(out, CURVES)
     command_line.check_ending(draws_file, DRAWS, "--draws-file")
     if keep is not None:
         require_new_name(keep)
-    capture = camera_capture(read_layout(layout), photos, patches, light, reference, corners,
-                             leave_out)
-    options = CalibrationOptions(
-        method, None if prior_file is None else load_camera_prior(prior_file),
-        curves=None if curves is None else read_measured_curves(
-            curves, len(capture.shown[0].bands), FINE_GRID))
-    fitted = measure_camera(capture, options)
+    captures = camera_files.stated_of_charts(
+        given, light, reference, corners, layout, leave_out, None if method == "file" else method,
+        prior_file, curves)
+    fitted = measure_camera(camera_files.charts_shown(photos, patches, captures), captures)
     facts, text = fitted.facts(), fitted.text()
     if out is not None:
-        write_curves(out, fitted)
+        camera_files.write_curves(out, fitted)
         facts["file"] = out
         text += f"\nwrote {out}"
     if keep is not None:
         facts["kept"] = keep_camera(keep, fitted.sensitivity.grid.nm, fitted.columns(),
                                     fitted.source)
     if draws_file is not None:
-        write_draws(draws_file, fitted)
+        camera_files.write_draws(draws_file, fitted)
         facts["samples"] = draws_file
     return command_line.Answer(facts, text)
 

@@ -7,8 +7,6 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from spectrabox.measure.captured import FlatCapture, SceneCapture
 from spectrabox.measure.shoot import shoot
 from spectrabox.measure.shoot.captures import capture_of
@@ -160,10 +158,7 @@ def tables_of_text(text: str, folder: Path,
     """
     try:
         written = toml_of(text)
-        shoot.Shoot.model_validate(written)
+        shoot.Shoot.from_toml(written)
     except InputError as error:
-        return None, [str(error)]
-    except ValidationError as error:
-        return None, [f"{FILE_NAME}: {sentence}"
-                      for sentence in checked_tables.fault_sentences(error, shoot.Shoot)]
+        return None, str(error).splitlines()
     return SessionConfig(folder=folder, allow_outside=allow_outside, **written), []

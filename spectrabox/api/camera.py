@@ -8,36 +8,26 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from spectrabox.api import arguments
+from spectrabox.api import arguments, shoot_arguments
 from spectrabox.api.chart_check import ChartCheck
 from spectrabox.api.colour_profile import ColourProfile, MatrixComparison, profile_of
 from spectrabox.api.photo import Photo, open_photo
 from spectrabox.calibrate import chart_findings
-from spectrabox.calibrate.chart_calibration import CalibrationOptions
 from spectrabox.calibrate.doubts import LightEvidence
-from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.measure import camera, plots
-from spectrabox.measure.captured import LitChart
 from spectrabox.measure.profiles.camera_profile import compare_matrices
-from spectrabox.measure.shoot.options import Repeatability
-from spectrabox.measure.steps import chart_fit
-from spectrabox.radiometry.chart import Chart, excluded_patches
-from spectrabox.radiometry.charts.references import reference_reflectances
+from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import in_folder, write_text_whole
 from spectrabox.radiometry.findings import Finding
-from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.radiometry.system.threads import one_blas_thread
-from spectrabox.reconstruct.scene.scene_file import read_scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-SCENE_SEED = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,7 +228,7 @@ def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo], *,
                light: arguments.LightLike | list[arguments.LightLike],
                layout: str | Path | Chart | None = None, reference: str | None = None,
                chart_scene: str | Path | None = None, leave_out: Sequence[int] = (),
-               method: str = "prior", prior: str | Path | None = None,
+               method: str = shoot_arguments.SENSITIVITY.method, prior: str | Path | None = None,
                seed: int = 0) -> CameraEstimate:
     """Sensitivities of a camera from photos of a chart and the spectrum of the light.
 
@@ -289,24 +279,21 @@ def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo], *,
     given = [charts] if isinstance(charts, str | Path | Photo) else list(charts)
     if not given:
         raise InputError("no photo was given; give one photo of a chart or more")
-    lights = [arguments.as_light(one) for one in (light if isinstance(light, list) else [light])]
+    lights = light if isinstance(light, list) else [light]
     if len(lights) not in (1, len(given)):
         raise InputError(f"{len(lights)} lights were given for {len(given)} photos; give one for "
                          "each photo or one for all")
-    chart = arguments.as_chart(layout)
-    reflectances = reference_reflectances(reference, chart, FINE_GRID)
-    excluded = excluded_patches(leave_out, chart, "leave_out")
-    irradiance, position_error = None, 0.0
-    if chart_scene is not None:
-        placed = read_scene(Path(chart_scene))
-        irradiance = chart_fit.irradiance_on(chart, placed, SCENE_SEED, "auto")
-        position_error = chart_fit.lamp_error(chart, placed, Repeatability().lamp_position,
-                                              SCENE_SEED)
     photos = [one if isinstance(one, Photo) else open_photo(one) for one in given]
-    capture = camera.CameraCapture(
-        tuple(camera.chart_in_photo(photo.image, chart, reflectances) for photo in photos),
-        tuple(lights), (LitChart(chart, reflectances, excluded, stated=reference is not None), ),
-        irradiance, position_error)
-    learnt = None if prior is None else load_camera_prior(Path(prior))
-    fit = camera.measure_camera(capture, CalibrationOptions(method, learnt), seed)
-    return CameraEstimate(fit, fit.bands, photos[0].image, chart)
+    stated = []
+    for one in lights:
+        tables = shoot_arguments.Arguments()
+        stated.append(tables.capture({
+            "photos": {"object": tables.photo(photos[0])}, "regions": {},
+            "light": {"spectrum": tables.light(one)},
+            "chart": tables.chart(layout, reference) | {
+                "scene": None if chart_scene is None else str(chart_scene),
+                "leave_out": [int(number) for number in leave_out]},
+            "sensitivity": {"method": method} | tables.camera_prior(prior)}))
+    shown = [camera.chart_in_photo(photo.image, stated[0]) for photo in photos]
+    fit = camera.measure_camera(shown, stated, seed)
+    return CameraEstimate(fit, fit.bands, photos[0].image, stated[0].layout)

@@ -15,16 +15,17 @@ from spectrabox.measure.captured import FlatCapture, SceneCapture
 from spectrabox.measure.shoot.captures import capture_of
 from spectrabox.measure.shoot.inputs import Inputs
 from spectrabox.measure.shoot.options import Inversion, Sampling
-from spectrabox.measure.shoot.shoot import SessionSection, Shoot
+from spectrabox.measure.shoot.shoot import SensitivitySection, SessionSection, Shoot
 from spectrabox.radiometry.chart import Chart
-from spectrabox.radiometry.checked_tables import checked
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.calibration import Filter
 from spectrabox.radiometry.records.spectra import UnknownLight
 from spectrabox.radiometry.spectra.given_spectra import KnownSpectrum, as_known
 from spectrabox.radiometry.spectra.light_words import UNKNOWN
 
-SESSION, SAMPLING, INVERSION = SessionSection(), Sampling(), Inversion()     # their defaults
+# their defaults
+SESSION, SAMPLING, INVERSION, SENSITIVITY = (
+    SessionSection(), Sampling(), Inversion(), SensitivitySection())
 Table = dict[str, Any]
 
 
@@ -44,8 +45,7 @@ class Arguments:
         InputError
             If a value is out of its range, or a file cannot be read.
         """
-        shoot = checked(Shoot, {"session": {"name": ""}, **tables}, "arguments")
-        return capture_of(shoot, Inputs(Path(), True, self._given))
+        return capture_of(Shoot.from_arguments(tables), Inputs(Path(), True, self._given))
 
     def _named(self, name: str, record: Any) -> str:
         """The name under which a record is kept: numbered where another has it."""
