@@ -6,17 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from spectrabox.calibrate import copy_errors
-from spectrabox.calibrate.chart_equations import copy_patterns
-from spectrabox.calibrate.chart_photo import ChartPhoto, used_and_excluded
-from spectrabox.calibrate.sensitivity import PriorFit
-from spectrabox.radiometry.records.calibration import ChartCopy
-from spectrabox.radiometry.records.spectra import WavelengthGrid
+from spectrabox.calibrate import chart_equations, chart_photo, copy_errors, sensitivity
+from spectrabox.radiometry.records import calibration, spectra
 
 COPY_ERROR = 0.03   # relative, of the level of a patch: one copy against the mean of several
 
 
-def of_edition(photo: ChartPhoto, name: str) -> ChartPhoto:
+def of_edition(photo: chart_photo.ChartPhoto, name: str) -> chart_photo.ChartPhoto:
     """The photo with its chart taken to be of one of its editions.
 
     Parameters
@@ -28,8 +24,8 @@ def of_edition(photo: ChartPhoto, name: str) -> ChartPhoto:
     return replace(photo, reflectances=ordered[0].mean, editions=ordered)
 
 
-def copy_of_chart(photos: Sequence[ChartPhoto], fit: PriorFit,
-                  grid: WavelengthGrid) -> ChartCopy | None:
+def copy_of_chart(photos: Sequence[chart_photo.ChartPhoto], fit: sensitivity.PriorFit,
+                  grid: spectra.WavelengthGrid) -> calibration.ChartCopy | None:
     """What photos say of the copy of their chart; None where its reflectances were stated.
 
     Parameters
@@ -40,8 +36,8 @@ def copy_of_chart(photos: Sequence[ChartPhoto], fit: PriorFit,
     grid : WavelengthGrid
         Working grid, of P wavelengths.
     """
-    used, _ = used_and_excluded(photos, grid)
-    errors, (mine, *further) = copy_patterns(used), photos[0].editions or (None,)
+    used, _ = chart_photo.used_and_excluded(photos, grid)
+    errors, (mine, *further) = chart_equations.copy_patterns(used), photos[0].editions or (None,)
     if errors is None or mine is None:
         return None
     others = np.zeros((len(further), len(errors)))
@@ -62,6 +58,7 @@ def copy_of_chart(photos: Sequence[ChartPhoto], fit: PriorFit,
     odds = np.array([np.log(edition.share) + nats[edition.name] for edition in editions])
     shares = np.exp(odds - odds.max()) / np.exp(odds - odds.max()).sum()
     likely = int(np.argmax(shares))
-    return ChartCopy(editions[likely].name, editions[likely].made, float(shares[likely]), nats,
-                     found.level, found.level_error, found.tint, found.tint_error,
-                     mine.mean * np.exp(found.departure), level_spread, tint_spread)
+    return calibration.ChartCopy(editions[likely].name, editions[likely].made,
+                                 float(shares[likely]), nats, found.level,
+                                 found.level_error, found.tint, found.tint_error,
+                                 mine.mean * np.exp(found.departure), level_spread, tint_spread)

@@ -13,8 +13,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from spectrabox.calibrate.chart_copy import COPY_ERROR
-from spectrabox.radiometry import chart
-from spectrabox.radiometry.appearance import ciede2000, reflectance_to_lab
+from spectrabox.radiometry import appearance, chart
 from spectrabox.radiometry.findings import Finding, Severity, graded
 from spectrabox.radiometry.records.calibration import ChartCopy, HeldOutPatches
 
@@ -139,7 +138,7 @@ def patch_differences(patches: HeldOutPatches) -> np.ndarray:
     ----------
     patches : HeldOutPatches
     """
-    return ciede2000(*(reflectance_to_lab(patches.grid.nm, one)
+    return appearance.ciede2000(*(appearance.reflectance_to_lab(patches.grid.nm, one)
                        for one in (patches.mean, patches.reference)))
 
 

@@ -19,19 +19,16 @@ from spectrabox.calibrate.chart_equations import (
     some_patches,
 )
 from spectrabox.calibrate.light_error import light_terms
-from spectrabox.radiometry import errors
+from spectrabox.radiometry import errors, findings, shaped
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.charts.references import ChartCopies
-from spectrabox.radiometry.findings import Finding, Severity
-from spectrabox.radiometry.records import spectra
-from spectrabox.radiometry.records.calibration import Filter
+from spectrabox.radiometry.records import calibration, spectra
 from spectrabox.radiometry.records.photos import MIN_PATCHES, PatchSamples
-from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 
 
 @dataclass(frozen=True, eq=False)
-class ChartPhoto(Record):
+class ChartPhoto(shaped.Record):
     """A photo of a chart: its patches, their reflectances, and the light on them."""
 
     samples: PatchSamples
@@ -41,7 +38,8 @@ class ChartPhoto(Record):
     irradiance: Annotated[np.ndarray, "I"] | None = None
     excluded: Annotated[np.ndarray, "I"] | None = None      # bool: patches that no fit may use
     chart: Chart = CLASSIC
-    filter: Filter | None = None        # before the lens or the lamp; never of the first photo
+    # before the lens or the lamp; never of the first photo
+    filter: calibration.Filter | None = None
     bands: tuple[str, ...] = ()         # K names; none: those of bands that nobody named
     # What the chart may be, the likelier first: a copy of the first about its mean, which the
     # reflectances are. None: they are the chart's own.
@@ -175,7 +173,7 @@ def require_usable(signal: np.ndarray, filtered: bool = False) -> None:
 
 
 def light_power(light: spectra.Spectrum,
-                grid: spectra.WavelengthGrid) -> tuple[np.ndarray, tuple[Finding, ...]]:
+                grid: spectra.WavelengthGrid) -> tuple[np.ndarray, tuple[findings.Finding, ...]]:
     """The light (P,) on the working grid, and where it has no power.
 
     Parameters
@@ -200,7 +198,7 @@ def light_power(light: spectra.Spectrum,
             "gives; state the unit, for example '# unit: uW cm-2 nm-1'")
     power = np.maximum(power, 0.0)
     return power, tuple(
-        Finding("light.unlit", Severity.NOTE,
+        findings.Finding("light.unlit", findings.Severity.NOTE,
                 values={"low_nm": low, "high_nm": high, "below": DARK_LIGHT})
         for low, high in wavelength_ranges(unlit(power), grid))
 

@@ -22,8 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.calibrate import chart_equations
-from spectrabox.calibrate.prior.curve_posterior import mixture_moments
-from spectrabox.calibrate.prior.prior_fit import CurvePosterior
+from spectrabox.calibrate.prior import curve_posterior, prior_fit
 
 FALSE_ALARM = 1e-3           # probability by chance, below which a drift is beyond it
 MIN_DRIFT = 0.01             # of the ratio of two bands, across the chart: less does no harm
@@ -44,7 +43,8 @@ class ColourDrift:
         return self.chance < FALSE_ALARM and self.size > MIN_DRIFT
 
 
-def colour_drift(posterior: CurvePosterior, photos: Sequence[chart_equations.ChartEquations],
+def colour_drift(posterior: prior_fit.CurvePosterior,
+                 photos: Sequence[chart_equations.ChartEquations],
                  number: int) -> ColourDrift | None:
     """Drift of the light's colour over the chart of one of the photos of a fit.
 
@@ -66,7 +66,8 @@ def colour_drift(posterior: CurvePosterior, photos: Sequence[chart_equations.Cha
         return None
     patches, bands = photo.signal.shape
     size = bands * posterior.basis.shape[1]
-    mean, covariance = mixture_moments(posterior.weights, posterior.means, posterior.covariances)
+    mean, covariance = curve_posterior.mixture_moments(posterior.weights, posterior.means,
+                                                       posterior.covariances)
     start, stop = size + chart_equations.nuisance_starts(photos)[number:number + 2]
     signal, derivatives = chart_equations.predicted_signal(
         photo, chart_equations.unlit_design(photo, posterior.basis),

@@ -13,10 +13,9 @@ from typing import Annotated
 
 import numpy as np
 
-from spectrabox.radiometry import appearance
+from spectrabox.radiometry import appearance, shaped
 from spectrabox.radiometry.errors import CalibrationError
 from spectrabox.radiometry.records.spectra import WavelengthGrid
-from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.named_spectra import light
 
 MATRIX, ROOTS = 1, 2        # degrees
@@ -25,7 +24,7 @@ DARKEST = 0.01              # of white: darker colours weigh as if they were tha
 
 
 @dataclass(frozen=True, eq=False)
-class ColourTransform(Record):
+class ColourTransform(shaped.Record):
     """From camera signals relative to white to X, Y, Z under D50, white (1, 1, 1) to D50."""
 
     exponents: Annotated[np.ndarray, "E 3"]     # of R, G and B in each term; rows sum to 1
@@ -189,7 +188,7 @@ D50 = np.array([0.9642, 1.0, 0.8249])       # white of the profile connection sp
 
 
 @dataclass(frozen=True, eq=False)
-class IlluminantMatrices(Record):
+class IlluminantMatrices(shaped.Record):
     """Matrices under one illuminant, and the mean CIEDE2000 of the forward matrix by set."""
 
     colour: Annotated[np.ndarray, "3 3"]    # X, Y, Z to camera; white's largest signal is 1

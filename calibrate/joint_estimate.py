@@ -22,27 +22,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from spectrabox.calibrate import chart_equations, chart_photo, sensitivity
-from spectrabox.calibrate.held_out_patches import PatchesWithout, in_chart_order
-from spectrabox.calibrate.prior.camera_prior import SMOOTH_SOURCE, CameraPrior
-from spectrabox.calibrate.prior.prior_fit import posterior_of_curves
-from spectrabox.calibrate.products.lamps import lamps_like, product_prior
-from spectrabox.calibrate.products.product_fit import SEED, fit_products
-from spectrabox.calibrate.products.product_posterior import evidence_of_products
-from spectrabox.calibrate.trust import other_reading
-from spectrabox.radiometry.errors import CheckError
-from spectrabox.radiometry.findings import Finding, Severity
-from spectrabox.radiometry.records import spectra
-from spectrabox.radiometry.records.calibration import LightPosterior
+from spectrabox.calibrate import chart_equations, chart_photo, held_out_patches, sensitivity, trust
+from spectrabox.calibrate.prior import camera_prior, prior_fit
+from spectrabox.calibrate.products import lamps, product_fit, product_posterior
+from spectrabox.radiometry import errors, findings
+from spectrabox.radiometry.records import calibration, spectra
 
 RARE_HAZE = 3.0             # log odds against a veil beforehand
 DOUBTED_VEIL, MAX_VEIL = 0.04, 0.3      # of the brightest patch: a warning; no photo of a chart
 
 
 def estimate_through_glare(
-    photos: list[chart_equations.ChartEquations], light: Light, cameras: CameraPrior,
+    photos: list[chart_equations.ChartEquations], light: Light, cameras: camera_prior.CameraPrior,
     grid: spectra.WavelengthGrid, excluded: chart_equations.ChartEquations | None
-) -> tuple[sensitivity.PriorFit, LightPosterior | None]:
+) -> tuple[sensitivity.PriorFit, calibration.LightPosterior | None]:
     """The joint estimate under usual glare or, where glare is large or the photos are not
     explained, under haze, if the evidence is for it.
 
@@ -71,7 +64,7 @@ def _veils(fit: sensitivity.PriorFit, photos: list[chart_equations.ChartEquation
             for photo, state in zip(photos, fit.photos, strict=True)]
 
 
-def veiled(fit: sensitivity.PriorFit) -> list[Finding]:
+def veiled(fit: sensitivity.PriorFit) -> list[findings.Finding]:
     """Whether glare beyond chance veils any photo of a fit; nothing where none is.
 
     Parameters
@@ -80,7 +73,7 @@ def veiled(fit: sensitivity.PriorFit) -> list[Finding]:
     """
     veil = max(float(np.max(state.certain_glare / state.predicted.max(axis=0)))
                for state in fit.photos)
-    return [Finding("calibration.veil", Severity.WARN, values={
+    return [findings.Finding("calibration.veil", findings.Severity.WARN, values={
         "veil": veil, "limit": DOUBTED_VEIL})] if veil > DOUBTED_VEIL else []
 
 
@@ -90,9 +83,9 @@ Light = spectra.Spectrum | spectra.UnknownLight
 
 
 def estimate_jointly(
-    photos: list[chart_equations.ChartEquations], light: Light, cameras: CameraPrior,
+    photos: list[chart_equations.ChartEquations], light: Light, cameras: camera_prior.CameraPrior,
     grid: spectra.WavelengthGrid, excluded: chart_equations.ChartEquations | None = None
-) -> tuple[sensitivity.PriorFit, LightPosterior | None]:
+) -> tuple[sensitivity.PriorFit, calibration.LightPosterior | None]:
     """The joint estimate from photos, and the light where the chart tells it.
 
     Parameters
@@ -112,14 +105,15 @@ def estimate_jointly(
     CalibrationError, InputError
         As ``fit_with_prior``.
     """
-    if isinstance(light, spectra.UnknownLight) and cameras.source != SMOOTH_SOURCE:
-        products = fit_products(photos, cameras, lamps_like(light), grid, light.words, excluded)
+    if isinstance(light, spectra.UnknownLight) and cameras.source != camera_prior.SMOOTH_SOURCE:
+        products = product_fit.fit_products(photos, cameras, lamps.lamps_like(light), grid,
+                                            light.words, excluded)
         return products.fit, products.light
     return sensitivity.fit_with_prior(photos, cameras, grid, excluded=excluded), None
 
 
 def log_evidence(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.WavelengthGrid,
-                 prior: CameraPrior | None = None) -> float:
+                 prior: camera_prior.CameraPrior | None = None) -> float:
     """How well the joint estimate explains photos, in nats up to a constant of their signals.
 
     Parameters
@@ -140,14 +134,15 @@ def log_evidence(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Wavelen
     cameras = sensitivity.default_prior(used, grid) if prior is None else prior
     sensitivity.require_fit_for(used, cameras)
     light = photos[0].light
-    if isinstance(light, spectra.UnknownLight) and cameras.source != SMOOTH_SOURCE:
-        return evidence_of_products(used, product_prior(cameras, lamps_like(light), SEED))
-    return posterior_of_curves(used, cameras, grid).log_evidence
+    if isinstance(light, spectra.UnknownLight) and cameras.source != camera_prior.SMOOTH_SOURCE:
+        return product_posterior.evidence_of_products(
+            used, lamps.product_prior(cameras, lamps.lamps_like(light), product_fit.SEED))
+    return prior_fit.posterior_of_curves(used, cameras, grid).log_evidence
 
 
-def require_explained(fit: sensitivity.PriorFit, light: LightPosterior | None,
-                      photos: list[chart_equations.ChartEquations], cameras: CameraPrior,
-                      grid: spectra.WavelengthGrid) -> None:
+def require_explained(fit: sensitivity.PriorFit, light: calibration.LightPosterior | None,
+                      photos: list[chart_equations.ChartEquations],
+                      cameras: camera_prior.CameraPrior, grid: spectra.WavelengthGrid) -> None:
     """Refuse photos that no camera explains: say which photo, and which other reading of it would
     agree.
 
@@ -167,7 +162,8 @@ def require_explained(fit: sensitivity.PriorFit, light: LightPosterior | None,
     if light is not None:
         chart_photo.refuse_disagreement("no camera under any lamp explains the chart photo",
                                         photos[0].signal, fit.held_out[0], fit.chi_square, None)
-    if cameras.source == SMOOTH_SOURCE and fit.chi_square <= chart_photo.WORST_CHI_SQUARE:
+    if cameras.source == camera_prior.SMOOTH_SOURCE \
+            and fit.chi_square <= chart_photo.WORST_CHI_SQUARE:
         return      # where no camera is known the error is what it is, and the spectra carry it
     for number, photo in enumerate(photos, start=1):
         which, alone = "the chart photo", fit
@@ -177,12 +173,13 @@ def require_explained(fit: sensitivity.PriorFit, light: LightPosterior | None,
         if alone.disagrees:
             chart_photo.refuse_disagreement(f"no camera explains {which}", photo.signal,
                                             alone.held_out[0], alone.chi_square,
-                                            other_reading(photo, cameras, grid))
-    raise CheckError(f"each of the {len(photos)} chart photos can be explained, but not all by one "
-                     f"camera (patches and model agree only within {fit.model_error:.1%}, "
-                     f"chi-square {fit.chi_square:.1f} per signal together); check that the "
-                     "camera and its settings were the same, and that each photo has the spectrum "
-                     "of its own light")
+                                            trust.other_reading(photo, cameras, grid))
+    raise errors.CheckError(
+        f"each of the {len(photos)} chart photos can be explained, but not all by one "
+        f"camera (patches and model agree only within {fit.model_error:.1%}, "
+        f"chi-square {fit.chi_square:.1f} per signal together); check that the "
+        "camera and its settings were the same, and that each photo has the spectrum "
+        "of its own light")
 
 
 # ---- suspect patches -----------------------------------------------------------------------------
@@ -192,8 +189,9 @@ def require_explained(fit: sensitivity.PriorFit, light: LightPosterior | None,
 SUSPECT, SUSPECT_TO_OTHERS, MAX_SUSPECTS = 2.6, 3.5, 3
 
 
-def without_suspects(photos: Sequence[chart_photo.ChartPhoto], cameras: CameraPrior,
-                     grid: spectra.WavelengthGrid, without: PatchesWithout) -> PatchesWithout:
+def without_suspects(photos: Sequence[chart_photo.ChartPhoto], cameras: camera_prior.CameraPrior,
+                     grid: spectra.WavelengthGrid,
+                     without: held_out_patches.PatchesWithout) -> held_out_patches.PatchesWithout:
     """The first photo's patches once suspects are out of the fit.
 
     Parameters
@@ -221,7 +219,7 @@ def without_suspects(photos: Sequence[chart_photo.ChartPhoto], cameras: CameraPr
             shown = replace(first, excluded=excluded)
             equations, left_out = chart_photo.used_and_excluded([shown, *photos[1:]], grid)
             fit, _ = estimate_through_glare(equations, first.light, cameras, grid, left_out)
-            rest = in_chart_order(fit.without, shown.used)
+            rest = held_out_patches.in_chart_order(fit.without, shown.used)
             level, spread, _ = rest.deviations(first.reflectances)
             fits.append((abs(level[patch] / spread[patch]), patch, rest))
         if not fits:

@@ -25,10 +25,8 @@ from scipy.optimize import least_squares
 
 from spectrabox.calibrate.geometry.lens import Lens, pinhole
 from spectrabox.calibrate.geometry.projection import image_rays
-from spectrabox.radiometry import checked_tables
-from spectrabox.radiometry.errors import CheckError, InputError
+from spectrabox.radiometry import checked_tables, errors, shaped
 from spectrabox.radiometry.records.photos import LinearImage
-from spectrabox.radiometry.shaped import Record
 
 QUADRATURE = 3          # points along each side of the panel; while its axis is looked for, 1
 SPACINGS_DEG = (2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 20.0)    # of knots; the likeliest is taken
@@ -46,7 +44,7 @@ BRIGHT = 0.1            # of the radiance ahead: below, a relative difference sa
 
 
 @dataclass(frozen=True, eq=False)
-class BeamProfile(Record):
+class BeamProfile(shaped.Record):
     """Radiance by angle from the axis, 1 straight ahead, and how far it holds."""
 
     angle_deg: Annotated[np.ndarray, "J"]
@@ -74,8 +72,9 @@ def fit_beam(cells: WallCells, wall: WallTable) -> BeamProfile:
     """
     level = cells.signal.mean(axis=0)
     if not np.all(level > 0):
-        raise CheckError("the rectangle is dark: its mean signal is 0 or less; give a longer "
-                         "exposure, or the dark frame of this exposure")
+        raise errors.CheckError(
+            "the rectangle is dark: its mean signal is 0 or less; give a longer "
+            "exposure, or the dark frame of this exposure")
     reading, noise = _mean_over_bands(cells, level)
     deviation = np.sqrt(noise + (EVEN * reading) ** 2 + (FLOOR * reading.max()) ** 2)
     lamp = _Lamp(np.array(wall.lamp_at_mm), np.array(wall.lamp_size_mm))
@@ -262,9 +261,10 @@ def _seen_all_around(angle: np.ndarray, sector: np.ndarray, width_deg: float) ->
             break
         top = float(angle[ring].max())
     if top < 3 * SPACINGS_DEG[0]:
-        raise CheckError(f"the rectangle shows the beam all around its axis to {top:.0f} degrees "
-                         "alone; it must hold the place that the lamp faces, and the wall around "
-                         "it")
+        raise errors.CheckError(
+            f"the rectangle shows the beam all around its axis to {top:.0f} degrees "
+            "alone; it must hold the place that the lamp faces, and the wall around "
+            "it")
     return top
 
 
@@ -325,7 +325,7 @@ class WallTable(checked_tables.Table):
 
 
 @dataclass(frozen=True, eq=False)
-class WallCells(Record):
+class WallCells(shaped.Record):
     """Readings of the wall, each the mean over a small square of it."""
 
     places_mm: Annotated[np.ndarray, "n 2"]
@@ -370,8 +370,9 @@ def wall_cells(photo: LinearImage, wall: WallTable, lens: Lens | None = None) ->
     height, width = photo.signal.shape[:2]
     limit = np.array([width, height]) * photo.sensor_step
     if np.any(corners < -0.5) or np.any(corners > limit - 0.5):
-        raise InputError(f"corners_px lie outside the photo of {limit[0]:.0f} x {limit[1]:.0f} "
-                         "pixels; give [x, y] in pixels of the whole photo")
+        raise errors.InputError(
+            f"corners_px lie outside the photo of {limit[0]:.0f} x {limit[1]:.0f} "
+            "pixels; give [x, y] in pixels of the whole photo")
     if lens is not None:
         rays = image_rays(corners, lens) @ pinhole(lens).T
         corners = rays[:, :2] / rays[:, 2:]
@@ -382,16 +383,18 @@ def wall_cells(photo: LinearImage, wall: WallTable, lens: Lens | None = None) ->
     saturated = photo.saturated.any(axis=2).ravel()
     share = float(saturated[inside].mean()) if inside.any() else 0.0
     if share > MAX_SATURATED:
-        raise CheckError(f"{share:.0%} of the rectangle is saturated; halve the exposure until the "
-                         "middle of the beam is not")
+        raise errors.CheckError(
+            f"{share:.0%} of the rectangle is saturated; halve the exposure until the "
+            "middle of the beam is not")
     used = inside & ~saturated
     side = max(wall.size_mm) / CELLS
     columns = int(np.ceil(wall.size_mm[0] / side))
     cell = (place[used] // side).astype(int) @ [1, columns]
     _, cell, count = np.unique(cell, return_inverse=True, return_counts=True)
     if len(count) < MIN_CELLS:
-        raise CheckError(f"{len(count)} of {CELLS} x {CELLS} squares of the rectangle can be read, "
-                         f"{MIN_CELLS} are needed; photograph it larger")
+        raise errors.CheckError(
+            f"{len(count)} of {CELLS} x {CELLS} squares of the rectangle can be read, "
+            f"{MIN_CELLS} are needed; photograph it larger")
     bands = photo.signal.shape[2]
 
     def mean(values: np.ndarray) -> np.ndarray:

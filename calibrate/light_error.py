@@ -15,19 +15,16 @@ from typing import Annotated
 import numpy as np
 
 from spectrabox.calibrate.chart_equations import DARK_SHARE, field_terms
-from spectrabox.calibrate.prior.curve_posterior import mixture_moments
-from spectrabox.calibrate.prior.prior_fit import CurvePosterior
+from spectrabox.calibrate.prior import curve_posterior, prior_fit
 from spectrabox.calibrate.products.lamps import (
     BY_FORMULA,
     colour_temperatures,
     lamps_like,
     nominal_kind,
 )
-from spectrabox.radiometry.findings import Finding, Severity
+from spectrabox.radiometry import findings, shaped
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import spectra
-from spectrabox.radiometry.records.photos import PatchSamples
-from spectrabox.radiometry.shaped import Record
+from spectrabox.radiometry.records import photos, spectra
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 
 MIRED_SD = 20.0              # of the light that shone about the one that was named
@@ -35,7 +32,7 @@ KEPT_VARIANCE = 0.995
 
 
 @dataclass(frozen=True, eq=False)
-class LightDeparture(Record):
+class LightDeparture(shaped.Record):
     """How far the light of a photo is from its statement, as the fit of a camera infers it.
 
     Sizes are root mean squares over wavelengths of the logarithm.
@@ -48,9 +45,9 @@ class LightDeparture(Record):
     spectrum: Annotated[np.ndarray, "P"]            # that shone, of mean 1
 
     @property
-    def finding(self) -> Finding:
+    def finding(self) -> findings.Finding:
         """What was inferred, with the colour temperature."""
-        return Finding("light.departs", Severity.INFO, values={
+        return findings.Finding("light.departs", findings.Severity.INFO, values={
             "stated": self.source, "expected": self.expected, "size": self.size,
             "size_error": self.size_error,
             "kelvin": float(colour_temperatures(self.spectrum[None])[0])})
@@ -90,7 +87,7 @@ def light_terms(light: spectra.Spectrum, grid: spectra.WavelengthGrid) -> np.nda
                      for size, direction in zip(sizes[:kept], directions[:kept], strict=True)]).T
 
 
-def light_departures(posterior: CurvePosterior, lights: Sequence[spectra.Spectrum],
+def light_departures(posterior: prior_fit.CurvePosterior, lights: Sequence[spectra.Spectrum],
                      grid: spectra.WavelengthGrid) -> tuple[LightDeparture, ...]:
     """What a fit infers of every light that may depart from its statement, each light once.
 
@@ -102,7 +99,8 @@ def light_departures(posterior: CurvePosterior, lights: Sequence[spectra.Spectru
     grid : WavelengthGrid
         Working grid, every nm from 400 to 700 nm.
     """
-    mean, covariance = mixture_moments(posterior.weights, posterior.means, posterior.covariances)
+    mean, covariance = curve_posterior.mixture_moments(posterior.weights, posterior.means,
+                                                       posterior.covariances)
     departures = {}
     for stated, light in zip(lights, posterior.lights, strict=False):   # none where all are exact
         if not light.terms.size or light.own.start in departures:
@@ -129,7 +127,8 @@ SAME_LIGHT = 0.01           # of the signals: a second photo averages noise, and
 OTHER_LIGHT = 0.03          # beyond it no lamp is one that was switched off and on, or grew warm
 
 
-def light_difference(first: PatchSamples, other: PatchSamples, positions: np.ndarray) -> float:
+def light_difference(first: photos.PatchSamples, other: photos.PatchSamples,
+                     positions: np.ndarray) -> float:
     """Relative difference (standard deviation over bands and patches) that no field and exposure
     explain.
 

@@ -10,17 +10,18 @@ from typing import Annotated
 
 import numpy as np
 
-from spectrabox.calibrate import chart_photo, spline_fit
-from spectrabox.calibrate.chart_equations import ChartEquations, PatchError
-from spectrabox.calibrate.copy_errors import Explained
-from spectrabox.calibrate.held_out_patches import PatchesWithout
+from spectrabox.calibrate import (
+    chart_equations,
+    chart_photo,
+    copy_errors,
+    held_out_patches,
+    spline_fit,
+)
 from spectrabox.calibrate.prior import camera_prior, curve_posterior, prior_fit
+from spectrabox.radiometry import errors, shaped
 from spectrabox.radiometry.covariance import block_diagonal
-from spectrabox.radiometry.errors import CalibrationError, InputError
-from spectrabox.radiometry.records.calibration import LightScale, SensitivityFit
+from spectrabox.radiometry.records import calibration, spectra
 from spectrabox.radiometry.records.photos import PatchSamples
-from spectrabox.radiometry.records.spectra import Outcome, WavelengthGrid
-from spectrabox.radiometry.shaped import Record
 
 METHODS = ("prior", *spline_fit.SPLINE_METHODS)
 CHART_ERROR = 0.01           # relative: one chart against the published average
@@ -30,19 +31,19 @@ ILL_POSED_CONDITION = 100.0
 
 
 @dataclass(frozen=True, eq=False)
-class PriorFit(Record):
+class PriorFit(shaped.Record):
     """The joint estimate; ``photos`` and ``held_out`` are in the order of the photos given."""
 
-    sensitivity: SensitivityFit
+    sensitivity: calibration.SensitivityFit
     posterior: prior_fit.CurvePosterior
     photos: tuple[curve_posterior.PhotoState, ...]
     held_out: tuple[np.ndarray, ...]                # (I, K) signals predicted from other patches
     prior_share: Annotated[np.ndarray, "K P"]       # of the prior's standard deviation, left; 0-1
     families: tuple[tuple[str, float], ...]         # members and probability, likeliest first
-    patch_error: PatchError                         # disagreement of patches and model
+    patch_error: chart_equations.PatchError  # disagreement of patches and model
     chi_square: float                               # per datum, about 1 where everything agrees
-    without: PatchesWithout                         # of the first photo, then the excluded
-    explained: Explained                            # what was left of the signals of all photos
+    without: held_out_patches.PatchesWithout  # of the first photo, then the excluded
+    explained: copy_errors.Explained  # what was left of the signals of all photos
 
     @property
     def model_error(self) -> float:
@@ -56,7 +57,8 @@ class PriorFit(Record):
             or self.chi_square > chart_photo.WORST_CHI_SQUARE
 
 
-def default_prior(photos: list[ChartEquations], grid: WavelengthGrid) -> camera_prior.CameraPrior:
+def default_prior(photos: list[chart_equations.ChartEquations],
+                  grid: spectra.WavelengthGrid) -> camera_prior.CameraPrior:
     """The shipped prior where it has the photos' number of bands, else one of smoothness alone.
 
     Parameters
@@ -70,7 +72,8 @@ def default_prior(photos: list[ChartEquations], grid: WavelengthGrid) -> camera_
         photos, grid)
 
 
-def require_fit_for(photos: list[ChartEquations], prior: camera_prior.CameraPrior) -> None:
+def require_fit_for(photos: list[chart_equations.ChartEquations],
+                    prior: camera_prior.CameraPrior) -> None:
     """Refuse photos that no fit with a prior can use.
 
     Parameters
@@ -88,15 +91,16 @@ def require_fit_for(photos: list[ChartEquations], prior: camera_prior.CameraPrio
     for photo in photos:
         chart_photo.require_usable(photo.signal, filtered=photo.filter is not None)
         if photo.signal.shape[1] != prior.bands:
-            raise InputError(f"the prior is for cameras of {prior.bands} bands, the photo has "
-                             f"{photo.signal.shape[1]}; give a prior made from such cameras, or "
-                             "none")
+            raise errors.InputError(
+                f"the prior is for cameras of {prior.bands} bands, the photo has "
+                f"{photo.signal.shape[1]}; give a prior made from such cameras, or "
+                "none")
 
 
-def fit_with_prior(photos: list[ChartEquations], prior: camera_prior.CameraPrior,
-                   grid: WavelengthGrid, *, model_errors: tuple[float,
+def fit_with_prior(photos: list[chart_equations.ChartEquations], prior: camera_prior.CameraPrior,
+                   grid: spectra.WavelengthGrid, *, model_errors: tuple[float,
                                                                 ...] = prior_fit.MODEL_ERRORS,
-                   excluded: ChartEquations | None = None) -> PriorFit:
+                   excluded: chart_equations.ChartEquations | None = None) -> PriorFit:
     """Curves, exposure, field and glare from chart photos of one camera, with calibrated errors.
 
     Parameters
@@ -140,9 +144,10 @@ def fit_with_prior(photos: list[ChartEquations], prior: camera_prior.CameraPrior
                     posterior.model_error, chi_square, without, explained)
 
 
-def sensitivity_fit(photo: ChartEquations, posterior: prior_fit.CurvePosterior,
+def sensitivity_fit(photo: chart_equations.ChartEquations, posterior: prior_fit.CurvePosterior,
                     moments: curve_posterior.CurveMoments, predicted: np.ndarray,
-                    held_out: np.ndarray, grid: WavelengthGrid, method: str) -> SensitivityFit:
+                    held_out: np.ndarray, grid: spectra.WavelengthGrid,
+                    method: str) -> calibration.SensitivityFit:
     """Curves of largest value 1 from a posterior, with their errors and one photo's residuals.
 
     Parameters
@@ -161,18 +166,18 @@ def sensitivity_fit(photo: ChartEquations, posterior: prior_fit.CurvePosterior,
     error = np.sqrt(
         curve_posterior.curve_variance(posterior.basis, moments.covariance,
                                        len(moments.coefficients)))
-    return SensitivityFit(grid, moments.coefficients @ posterior.basis.T, posterior.basis,
-                          moments.coefficients, moments.covariance, error,
-                          1 - predicted / photo.signal, 1 - held_out / photo.signal,
-                          spline_fit.condition_number(photo.reflectances * photo.power,
-                                                      grid), method, Outcome.CONVERGED)
+    return calibration.SensitivityFit(
+        grid, moments.coefficients @ posterior.basis.T, posterior.basis, moments.coefficients,
+        moments.covariance, error, 1 - predicted / photo.signal, 1 - held_out / photo.signal,
+        spline_fit.condition_number(photo.reflectances * photo.power,
+                                    grid), method, spectra.Outcome.CONVERGED)
 
 
-def fit_sensitivities(patches: PatchSamples, reflectances: np.ndarray, light: np.ndarray,
-                      irradiance: np.ndarray, grid: WavelengthGrid,
-                      coefficients: int = spline_fit.SPLINE_COEFFICIENTS, *, method: str,
-                      used: np.ndarray | None = None
-                      ) -> tuple[SensitivityFit, LightScale, PatchesWithout]:
+def fit_sensitivities(
+    patches: PatchSamples, reflectances: np.ndarray, light: np.ndarray, irradiance: np.ndarray,
+    grid: spectra.WavelengthGrid, coefficients: int = spline_fit.SPLINE_COEFFICIENTS, *,
+    method: str, used: np.ndarray | None = None
+) -> tuple[calibration.SensitivityFit, calibration.LightScale, held_out_patches.PatchesWithout]:
     """Sensitivities of largest value 1 by splines, band after band, and the factor divided out.
 
     Parameters
@@ -210,7 +215,7 @@ def fit_sensitivities(patches: PatchSamples, reflectances: np.ndarray, light: np
         If the method is not known.
     """
     if method not in spline_fit.SPLINE_METHODS:
-        raise InputError(f"method {method!r} is not known; known are {', '.join(METHODS)}")
+        raise errors.InputError(f"method {method!r} is not known; known are {', '.join(METHODS)}")
     used = np.ones(len(patches.mean), bool) if used is None else used
     chart_photo.require_usable(patches.mean[used])
     readable = used[:, None] & ~patches.clipped
@@ -240,35 +245,35 @@ def relative_prediction_covariance(fit_residuals: np.ndarray, patches: PatchSamp
     return used.T @ used / np.sqrt(np.outer(*2 * [readable.sum(axis=0)]))
 
 
-def _normalised(bands: spline_fit.BandFits, patches: PatchSamples, grid: WavelengthGrid,
-                method: str) -> tuple[SensitivityFit, LightScale]:
+def _normalised(bands: spline_fit.BandFits, patches: PatchSamples, grid: spectra.WavelengthGrid,
+                method: str) -> tuple[calibration.SensitivityFit, calibration.LightScale]:
     """Scale fitted bands to a largest value of 1."""
     curves = bands.coefficients @ bands.basis.T
     peak = float(curves.max())
     dead = np.flatnonzero(curves.max(axis=1) <= 1e-9 * max(peak, 0))
     if dead.size:
-        raise CalibrationError(f"band {dead[0] + 1} does not respond to the chart; "
+        raise errors.CalibrationError(f"band {dead[0] + 1} does not respond to the chart; "
                                "check that photo and light belong together")
     error = np.sqrt(np.clip(np.einsum("pn,knm,pm->kp", bands.basis, bands.covariance, bands.basis),
                             0, None)) / peak
     residuals = 1 - bands.design @ bands.coefficients.T / patches.mean
     held_out = 1 - bands.predicted_without / patches.mean
-    outcome = (Outcome.ILL_POSED if bands.condition_number > ILL_POSED_CONDITION
-               else Outcome.CONVERGED)
+    outcome = (spectra.Outcome.ILL_POSED if bands.condition_number > ILL_POSED_CONDITION
+               else spectra.Outcome.CONVERGED)
     names = {"paper": "splines with zero ends, paper Eqs. 18-20",
              "nonnegative": "non-negative splines with zero ends",
              "smooth": "non-negative splines, smoothness by cross-validation"}
-    fit = SensitivityFit(grid, curves / peak, bands.basis, bands.coefficients / peak,
+    fit = calibration.SensitivityFit(grid, curves / peak, bands.basis, bands.coefficients / peak,
                          block_diagonal(*bands.covariance) / peak**2, error, residuals, held_out,
                          bands.condition_number, names[method], outcome)
     covariance = relative_prediction_covariance(held_out, patches)
     # Of a band's mean relative residual over held-out patches: errors of bands are independent.
     relative = np.sqrt(np.trace(covariance) / len(covariance) / len(held_out))
-    return fit, LightScale(peak, float(peak * relative), residuals, "chart photo")
+    return fit, calibration.LightScale(peak, float(peak * relative), residuals, "chart photo")
 
 
 def _without(bands: spline_fit.BandFits, power: np.ndarray, irradiance: np.ndarray,
-             patches: PatchSamples, sigma: np.ndarray) -> PatchesWithout:
+             patches: PatchSamples, sigma: np.ndarray) -> held_out_patches.PatchesWithout:
     """Patches left out of spline fits, whose exposure is that of the curves; no glare is fitted."""
     factor = irradiance / np.pi
     count, number = patches.mean.shape
@@ -278,9 +283,10 @@ def _without(bands: spline_fit.BandFits, power: np.ndarray, irradiance: np.ndarr
         covariance[patch, :size, :size] = factor[patch]**2 * block_diagonal(
             *bands.covariance_without[patch])
     noise = np.einsum("ik,kl->ikl", sigma**2, np.eye(number))
-    return PatchesWithout(bands.basis, power, factor[:, None, None] * bands.without,
-                          np.zeros((count, number)), covariance, patches.mean, noise,
-                          patches.clipped)
+    return held_out_patches.PatchesWithout(bands.basis, power,
+                                           factor[:, None, None] * bands.without,
+                                           np.zeros((count, number)), covariance, patches.mean,
+                                           noise, patches.clipped)
 
 
 def _patch_sigma(patches: PatchSamples) -> np.ndarray:

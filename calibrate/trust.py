@@ -5,15 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from spectrabox.calibrate.chart_equations import ChartEquations
+from spectrabox.calibrate import chart_equations, sensitivity
 from spectrabox.calibrate.chart_photo import refuse_disagreement, wavelength_ranges
-from spectrabox.calibrate.prior.camera_prior import CameraPrior, prior_about
-from spectrabox.calibrate.prior.prior_fit import posterior_of_curves
-from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
+from spectrabox.calibrate.prior import camera_prior, prior_fit
 from spectrabox.radiometry import appearance
 from spectrabox.radiometry.findings import Finding, Severity
-from spectrabox.radiometry.records.photos import LinearImage
-from spectrabox.radiometry.records.spectra import WavelengthGrid
+from spectrabox.radiometry.records import photos, spectra
 
 FROM_PRIOR = 0.5             # share of the prior's uncertainty left, above which the prior decides
 MUCH_GLARE = 0.02            # of the brightest patch
@@ -30,7 +27,7 @@ LABORATORY = (0.01, 20.0, 0.06, 60.0, 0.06, 120.0)
 
 
 def chart_colour_differences(measured: np.ndarray, predicted: np.ndarray, reflectances: np.ndarray,
-                             grid: WavelengthGrid) -> np.ndarray:
+                             grid: spectra.WavelengthGrid) -> np.ndarray:
     """CIEDE2000 (I,) between what the photo shows and what the fit predicts, under D65.
 
     Parameters
@@ -44,7 +41,7 @@ def chart_colour_differences(measured: np.ndarray, predicted: np.ndarray, reflec
 
 
 def chart_colours(measured: np.ndarray, predicted: np.ndarray, reflectances: np.ndarray,
-                  grid: WavelengthGrid) -> tuple[np.ndarray, np.ndarray]:
+                  grid: spectra.WavelengthGrid) -> tuple[np.ndarray, np.ndarray]:
     """X, Y, Z (I, 3) under D65 of what the photo shows, and of what the fit predicts.
 
     Signals are turned into colours by the linear map that best takes the predicted signals to the
@@ -68,7 +65,8 @@ def chart_colours(measured: np.ndarray, predicted: np.ndarray, reflectances: np.
     return measured @ to_xyz, predicted @ to_xyz
 
 
-def other_reading(photo: ChartEquations, prior: CameraPrior, grid: WavelengthGrid) -> str | None:
+def other_reading(photo: chart_equations.ChartEquations, prior: camera_prior.CameraPrior,
+                  grid: spectra.WavelengthGrid) -> str | None:
     """Another reading of a photo under which some camera would explain it; None if there is none.
 
     Mirrored, turned, with bands reversed, decoded, or with glare taken off. The reading that gains
@@ -100,12 +98,12 @@ def other_reading(photo: ChartEquations, prior: CameraPrior, grid: WavelengthGri
     best = max(evidence, key=lambda name: evidence[name])
     if evidence[best] - _evidence(photo, photo.signal, prior, grid) < CLEAR_GAIN:
         return None
-    fit = fit_with_prior([replace(photo, signal=readings[best])], prior, grid)
+    fit = sensitivity.fit_with_prior([replace(photo, signal=readings[best])], prior, grid)
     return None if fit.disagrees else best
 
 
-def check_measured_curves(photo: ChartEquations, curves: np.ndarray, grid: WavelengthGrid
-                          ) -> Finding:
+def check_measured_curves(photo: chart_equations.ChartEquations, curves: np.ndarray,
+                          grid: spectra.WavelengthGrid) -> Finding:
     """How well measured curves (K, P) explain a chart photo.
 
     Exposure, illumination and glare of the photo are unknown.
@@ -125,8 +123,8 @@ def check_measured_curves(photo: ChartEquations, curves: np.ndarray, grid: Wavel
         encoded.
     """
     # cameras that another laboratory would have measured so
-    prior = prior_about(grid, curves, LABORATORY, "measured curves")
-    fit = fit_with_prior([photo], prior, grid)
+    prior = camera_prior.prior_about(grid, curves, LABORATORY, "measured curves")
+    fit = sensitivity.fit_with_prior([photo], prior, grid)
     if fit.chi_square < DOUBTFUL and not fit.disagrees:
         return Finding("calibration.curves-agree", Severity.INFO, values={
             "error": fit.model_error, "chi_square": fit.chi_square})
@@ -138,7 +136,7 @@ def check_measured_curves(photo: ChartEquations, curves: np.ndarray, grid: Wavel
                    values={"chi_square": fit.chi_square})
 
 
-def fit_findings(fit: PriorFit, grid: WavelengthGrid) -> tuple[Finding, ...]:
+def fit_findings(fit: sensitivity.PriorFit, grid: spectra.WavelengthGrid) -> tuple[Finding, ...]:
     """How well a fit explains its photos, what of it is the prior's, and what it subtracted.
 
     Parameters
@@ -172,15 +170,15 @@ def fit_findings(fit: PriorFit, grid: WavelengthGrid) -> tuple[Finding, ...]:
     return tuple(findings)
 
 
-def _evidence(photo: ChartEquations, signal: np.ndarray, prior: CameraPrior,
-              grid: WavelengthGrid) -> float:
+def _evidence(photo: chart_equations.ChartEquations, signal: np.ndarray,
+              prior: camera_prior.CameraPrior, grid: spectra.WavelengthGrid) -> float:
     # of log signals, so that readings of any scale compare
     logarithms = np.log(np.maximum(signal, 1e-12)).sum()
-    posterior = posterior_of_curves([replace(photo, signal=signal)], prior, grid)
+    posterior = prior_fit.posterior_of_curves([replace(photo, signal=signal)], prior, grid)
     return posterior.log_evidence + float(logarithms)
 
 
-def _without_glare(photo: ChartEquations) -> np.ndarray | None:
+def _without_glare(photo: chart_equations.ChartEquations) -> np.ndarray | None:
     """Signals less an offset in each band.
 
     It leaves the darkest patch what it reflects of the lightest patch's light. None where that
@@ -195,7 +193,7 @@ def _without_glare(photo: ChartEquations) -> np.ndarray | None:
     return np.maximum(photo.signal - offset, 1e-3 * photo.signal[lightest])
 
 
-def certain_glare(fit: PriorFit | None, chart_photo: LinearImage) -> np.ndarray:
+def certain_glare(fit: sensitivity.PriorFit | None, chart_photo: photos.LinearImage) -> np.ndarray:
     """Glare (K,) of the first chart photo in the bands where it is beyond chance, of the picture's
     mean signal; 0 (1,) where no fit says.
 

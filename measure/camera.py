@@ -12,14 +12,9 @@ from functools import cached_property
 
 import numpy as np
 
+from spectrabox.calibrate import chart_calibration, chart_photo
 from spectrabox.calibrate.camera_curves import LEVEL, CurveBand, camera_curves, curve_band
-from spectrabox.calibrate.chart_calibration import (
-    CalibrationOptions,
-    ChartCalibration,
-)
-from spectrabox.calibrate.chart_photo import ChartPhoto
-from spectrabox.capture.chart.chart_agreement import TYPICAL_SIGNALS
-from spectrabox.capture.chart.quality import ChartVerdict, judge_chart
+from spectrabox.capture.chart import chart_agreement, quality
 from spectrabox.measure import captured, rules, texts
 from spectrabox.measure.results import calibration_facts
 from spectrabox.measure.steps import chart_fit
@@ -32,8 +27,7 @@ from spectrabox.radiometry.charts.references import published_signals, reference
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding, Severity, faults, worst
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import spectra
-from spectrabox.radiometry.records.calibration import HeldOutPatches, SensitivityFit
+from spectrabox.radiometry.records import calibration, spectra
 from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PatchSamples
 
 ERROR_PREFIX = "standard_error"   # before a band's name, of a column of errors
@@ -51,7 +45,7 @@ def chart_signals(chart: Chart, reflectances: np.ndarray | None,
     grid : WavelengthGrid
     """
     if chart.references == CLASSIC.references:
-        return TYPICAL_SIGNALS
+        return chart_agreement.TYPICAL_SIGNALS
     return (published_signals(chart, grid) if reflectances is None
             else typical_camera_signals(reflectances, grid))
 
@@ -100,8 +94,9 @@ def chart_in_photo(photo: LinearImage, stated: captured.Capture) -> ChartSignals
     return ChartSignals(photo.source, samples, spectra.default_band_names(photo.signal.shape[2]))
 
 
-def judged_chart(photo: LinearImage, chart: Chart, reference: str | None,
-                 corners_px: np.ndarray | None = None) -> tuple[ChartDetection, ChartVerdict]:
+def judged_chart(
+        photo: LinearImage, chart: Chart, reference: str | None,
+        corners_px: np.ndarray | None = None) -> tuple[ChartDetection, quality.ChartVerdict]:
     """The chart in a photo, and whether the photo is good enough.
 
     Parameters
@@ -124,7 +119,7 @@ def judged_chart(photo: LinearImage, chart: Chart, reference: str | None,
         reference_reflectances(reference, chart, FINE_GRID)
     signals = chart_signals(chart, reflectances, FINE_GRID)
     detection = chart_fit.find(photo, signals, chart, corners_px)
-    return detection, judge_chart(photo, detection, signals, chart)
+    return detection, quality.judge_chart(photo, detection, signals, chart)
 
 
 @dataclass(frozen=True)
@@ -134,11 +129,11 @@ class CameraFit:
     ``chart`` holds those that belong to the stated light, ``sensitivity`` the camera's own.
     """
 
-    chart: ChartCalibration
-    sensitivity: SensitivityFit
+    chart: chart_calibration.ChartCalibration
+    sensitivity: calibration.SensitivityFit
     band: CurveBand | None          # None for measured curves
-    held_out: HeldOutPatches        # of the first photo, each by a calibration without it
-    photos: tuple[ChartPhoto, ...]
+    held_out: calibration.HeldOutPatches  # of the first photo, each by a calibration without it
+    photos: tuple[chart_photo.ChartPhoto, ...]
     bands: tuple[str, ...] = ()     # K names
     notes: tuple[str, ...] = ()     # on the signals
 
@@ -276,7 +271,8 @@ def measure_camera(shown: Sequence[ChartSignals], stated: Sequence[captured.Capt
     chosen, scene = first.sensitivity, first.chart_scene
     _require_one_camera(shown)
     first.band_names(shown[0].bands)        # refuses measured curves of other bands
-    options = CalibrationOptions(chosen.method, chosen.prior, curves=chosen.curves)
+    options = chart_calibration.CalibrationOptions(chosen.method, chosen.prior,
+                                                   curves=chosen.curves)
     irradiance = None if scene is None else chart_fit.irradiance_on(first.layout, scene, first.seed,
                                                                     "auto")
     fit = fit_camera(photos_of_charts(shown, stated, irradiance), FINE_GRID, options, seed)
@@ -290,7 +286,7 @@ def measure_camera(shown: Sequence[ChartSignals], stated: Sequence[captured.Capt
 
 
 def photos_of_charts(shown: Sequence[ChartSignals], stated: Sequence[captured.Capture],
-                     irradiance: np.ndarray | None = None) -> list[ChartPhoto]:
+                     irradiance: np.ndarray | None = None) -> list[chart_photo.ChartPhoto]:
     """Charts in photos as their fits take them: where nobody stated the reflectances, the photos
     tell which copy it is.
 
@@ -319,8 +315,9 @@ def _require_one_camera(shown: Sequence[ChartSignals]) -> None:
                              "of one camera, its bands in the same order")
 
 
-def fit_camera(photos: Sequence[ChartPhoto], grid: spectra.WavelengthGrid,
-               options: CalibrationOptions | None = None, seed: int = 0) -> CameraFit:
+def fit_camera(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.WavelengthGrid,
+               options: chart_calibration.CalibrationOptions | None = None,
+               seed: int = 0) -> CameraFit:
     """Sensitivities of a camera from chart photos and the spectra of their lights.
 
     Parameters

@@ -17,17 +17,13 @@ from spectrabox.calibrate.geometry.colmap_model import ModelImage
 from spectrabox.calibrate.geometry.lens import Lens
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.measure.shoot import options
+from spectrabox.radiometry import errors, grid
 from spectrabox.radiometry.chart import Chart
-from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding
-from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import spectra
-from spectrabox.radiometry.records.calibration import Filter, LightScale
+from spectrabox.radiometry.records import calibration, spectra
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
-from spectrabox.reconstruct.scene.box_tables import BoxTable, CameraTable
-from spectrabox.reconstruct.scene.edit_scene import Refinement
-from spectrabox.reconstruct.scene.scene_file import SceneFile
+from spectrabox.reconstruct.scene import box_tables, edit_scene, scene_file
 
 ONE_PHOTO = ""              # the band under which the files of a colour camera's photo are
 FIRST_PHOTO = "photo"       # title of the first view, whose name is ""; in session.toml too
@@ -106,7 +102,7 @@ class View:
     lamp: str = FIRST_PHOTO                 # title of the first photo that this lamp lights
     # title of the photo for which its lamp was put elsewhere; empty where it stands as in the first
     moved: str = ""
-    filter: Filter | None = None            # before its lens or lamp
+    filter: calibration.Filter | None = None            # before its lens or lamp
     filter_words: str = ""                  # how the filter was stated
     filter_known: bool = True               # whether its transmittance was stated
 
@@ -158,14 +154,14 @@ class View:
         return self.light
 
     @property
-    def filter_of_fit(self) -> Filter | None:
+    def filter_of_fit(self) -> calibration.Filter | None:
         """The filter that is part of the fit."""
         return self.filter
 
     @property
     def power(self) -> np.ndarray | None:
         """Light (P,) that an ordinary camera would see its chart in, as far as it is known."""
-        power = spectrum_on_grid(self.light, FINE_GRID) \
+        power = spectrum_on_grid(self.light, grid.FINE_GRID) \
             if isinstance(self.light, spectra.Spectrum) \
             else None
         if self.filter is None:
@@ -184,9 +180,9 @@ class BoxPhoto:
     ``measure.scene.box_camera`` estimates its camera, and makes its scene.
     """
 
-    box: BoxTable                           # turned as in the photo
-    camera: CameraTable                     # measured, or with what it is estimated from
-    marked: BoxTable                        # as it stood when the corners of its camera were marked
+    box: box_tables.BoxTable                           # turned as in the photo
+    camera: box_tables.CameraTable                     # measured, or with what it is estimated from
+    marked: box_tables.BoxTable  # as it stood when the corners of its camera were marked
     taken: InputFile                        # the photo that its camera was stated of
     lens: Lens | None                       # of the camera, where a file says it
     path: Path                              # where its scene would lie: files are seen from there
@@ -206,11 +202,11 @@ class BoxPhoto:
 class SceneView(View):
     """One photo of a scene."""
 
-    scene: SceneFile | BoxPhoto
+    scene: scene_file.SceneFile | BoxPhoto
     scene_name: str | None = None           # of its file; None of a box with measures
     lights_by_id: Mapping[str, spectra.Spectrum] = field(default_factory=dict)
     lens: Lens | None = None                # by which the photo is undistorted
-    scale: LightScale | None = None         # of its light, where it is known beforehand
+    scale: calibration.LightScale | None = None         # of its light, where it is known beforehand
 
     @property
     def light_of_fit(self) -> spectra.Spectrum | spectra.UnknownLight:
@@ -220,8 +216,8 @@ class SceneView(View):
         if not self.spectrum_stated:
             return spectra.UnknownLight()
         assert isinstance(self.light, spectra.Spectrum)
-        power = spectrum_on_grid(self.light, FINE_GRID) * self.filter.transmittance
-        return spectra.Spectrum(FINE_GRID, power, spectra.Quantity.RELATIVE,
+        power = spectrum_on_grid(self.light, grid.FINE_GRID) * self.filter.transmittance
+        return spectra.Spectrum(grid.FINE_GRID, power, spectra.Quantity.RELATIVE,
                         f"{self.light.source} through {self.filter_words}")
 
     @property
@@ -290,7 +286,8 @@ class Capture(ABC):
     picture: options.PictureOptions | None = None
     seed: int = 1
 
-    chart_scene: SceneFile | None = None    # light and chart in their positions, where known
+    # light and chart in their positions, where known
+    chart_scene: scene_file.SceneFile | None = None
 
     # whether all photos are from one tripod: what one shows is found in another
     one_tripod: ClassVar[bool] = False
@@ -321,7 +318,7 @@ class Capture(ABC):
     @property
     def lit_chart(self) -> LitChart:
         if self.chart is None:
-            raise InputError("no photo of a chart is stated, and this needs one")
+            raise errors.InputError("no photo of a chart is stated, and this needs one")
         return self.chart
 
     @property
@@ -339,7 +336,7 @@ class Capture(ABC):
         return {}
 
     @property
-    def scenes(self) -> Mapping[str, SceneFile | BoxPhoto]:
+    def scenes(self) -> Mapping[str, scene_file.SceneFile | BoxPhoto]:
         """The scenes of photos, by view; flat samples have none."""
         return {}
 
@@ -376,9 +373,10 @@ class Capture(ABC):
         if curves.curves is None:
             return photographed
         if len(curves.curves) != len(photographed):
-            raise InputError(f"{curves.source} holds {len(curves.curves)} curves, but the photo "
-                             f"has {len(photographed)} bands ({', '.join(photographed)}): give one "
-                             "curve for each, in this order")
+            raise errors.InputError(
+                f"{curves.source} holds {len(curves.curves)} curves, but the photo "
+                f"has {len(photographed)} bands ({', '.join(photographed)}): give one "
+                "curve for each, in this order")
         named = curves.names or photographed
         return named if ONE_PHOTO in self.views[0].photo else photographed
 
@@ -432,7 +430,7 @@ class SceneCapture(Capture):
     inversion: options.Inversion = field(default_factory=options.Inversion)
     scale_from_chart: bool = True           # else from a material of known spectrum
     # what comments of scenes in files say that was estimated, by the names of the files
-    refinements: Mapping[str, tuple[Refinement, ...]] = field(default_factory=dict)
+    refinements: Mapping[str, tuple[edit_scene.Refinement, ...]] = field(default_factory=dict)
 
     @property
     def surfaces(self) -> Mapping[str, Surface]:
@@ -443,7 +441,7 @@ class SceneCapture(Capture):
         return {name: material.bsdf or name for name, material in self.materials.items()}
 
     @property
-    def scenes(self) -> dict[str, SceneFile | BoxPhoto]:
+    def scenes(self) -> dict[str, scene_file.SceneFile | BoxPhoto]:
         return {view.name: view.scene for view in self.views}
 
 
@@ -462,7 +460,7 @@ def require_scene(capture: Capture, refusal: str) -> SceneCapture:
         With this sentence, where there is no scene.
     """
     if not isinstance(capture, SceneCapture):
-        raise InputError(refusal)
+        raise errors.InputError(refusal)
     return capture
 
 

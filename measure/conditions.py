@@ -12,16 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from spectrabox.calibrate.chart_findings import edition_told, evidence_since
-from spectrabox.measure import texts
-from spectrabox.measure.captured import Capture
+from spectrabox.measure import captured, tables, texts
 from spectrabox.measure.results.facts import Fact, columns, known_facts
-from spectrabox.measure.tables import text_table
 from spectrabox.measure.words import percent
-from spectrabox.radiometry import error_model
-from spectrabox.radiometry.appearance import reflectance_to_lab
+from spectrabox.radiometry import appearance, error_model, gloss
 from spectrabox.radiometry.chart import COPIES_SINCE_2014
 from spectrabox.radiometry.findings import Finding, Severity
-from spectrabox.radiometry.gloss import SURFACE_WORDS, USUAL
 
 if TYPE_CHECKING:
     from spectrabox.measure.regions.moved_lamp import InPlace
@@ -135,7 +131,7 @@ class Statements:
     bracket: bool = False               # of several exposures
 
 
-def statements_of(capture: Capture) -> Statements:
+def statements_of(capture: captured.Capture) -> Statements:
     """What a capture states of its conditions.
 
     Parameters
@@ -180,7 +176,7 @@ def conditions_text(conditions: Sequence[Finding], title: str = "") -> str:
         Of the table.
     """
     headings, cells = columns(CONDITION_FACTS, conditions)
-    return text_table(headings, cells, text=headings, title=title)
+    return tables.text_table(headings, cells, text=headings, title=title)
 
 
 # ---- the conditions ------------------------------------------------------------------------------
@@ -259,7 +255,7 @@ def _gloss(found: CaptureResult, code: str) -> Finding:
         fault_size=GLOSS_FAULT,
         lightness=largest_change(surfaces, lambda nm, mean: mean + GLOSS_FAULT),
         variance_share=allowed_share(surfaces, (error_model.SURFACE_REFLECTION,)),
-        names=list(stated.surfaces), usual=float(USUAL[SURFACE_WORDS[0]]))
+        names=list(stated.surfaces), usual=float(gloss.USUAL[gloss.SURFACE_WORDS[0]]))
 
 
 def _shadow(found: FlatResult) -> Finding:
@@ -417,7 +413,7 @@ def largest_change(surfaces: Sequence[SurfaceResult],
     of : int
         ``LIGHTNESS``, or ``B_STAR`` for the change of b*.
     """
-    changes = [float(reflectance_to_lab(surface.nm, faulty(surface.nm, surface.mean))[of]
+    changes = [float(appearance.reflectance_to_lab(surface.nm, faulty(surface.nm, surface.mean))[of]
                      - surface.lab().value[of]) for surface in surfaces if not surface.known]
     return max(changes, key=abs, default=None)
 

@@ -14,8 +14,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import TypeVar
 
-from spectrabox.radiometry.errors import SpectraboxError, interrupt_behind
-from spectrabox.radiometry.findings import Finding, Severity
+from spectrabox.radiometry import errors, findings
 from spectrabox.radiometry.system.words import message
 
 Made = TypeVar("Made")
@@ -23,7 +22,7 @@ Instead = TypeVar("Instead")
 
 
 def attempt(extra: str, make: Callable[[], Made],
-            instead: Instead) -> tuple[Made | Instead, Finding | None]:
+            instead: Instead) -> tuple[Made | Instead, findings.Finding | None]:
     """What an extra is, or something in its place with the finding that it failed.
 
     Parameters
@@ -43,24 +42,24 @@ def attempt(extra: str, make: Callable[[], Made],
     try:
         return make(), None
     except Exception as error:      # noqa: BLE001 - kept as a record, see above
-        stop = interrupt_behind(error)
+        stop = errors.interrupt_behind(error)
         if stop is not None:
             raise stop from None
-        return instead, Finding("extra.failed", Severity.NOTE, extra, {
+        return instead, findings.Finding("extra.failed", findings.Severity.NOTE, extra, {
             "error": _in_a_line(error), "traceback": traceback.format_exc()})
 
 
-def different(failed: Iterable[Finding]) -> tuple[Finding, ...]:
+def different(failed: Iterable[findings.Finding]) -> tuple[findings.Finding, ...]:
     """Each failure once: what one fault does to many surfaces is said once."""
     return tuple({(one.subject, one.values["error"]): one for one in failed}.values())
 
 
-def to_keep(failed: Finding) -> Finding:
+def to_keep(failed: findings.Finding) -> findings.Finding:
     """The same without the traceback, as a record keeps it."""
     return replace(failed, values={"error": failed.values["error"]})
 
 
-def facts(failed: Finding) -> dict[str, str]:
+def facts(failed: findings.Finding) -> dict[str, str]:
     """For JSON."""
     return {"extra": failed.subject, "error": failed.values["error"]}
 
@@ -69,6 +68,6 @@ def _in_a_line(error: Exception) -> str:
     if isinstance(error, MemoryError):
         return "memory ran out"
     said = " ".join(message(str(error)).split())
-    if isinstance(error, SpectraboxError):
+    if isinstance(error, errors.SpectraboxError):
         return said
     return f"{type(error).__name__}: {said}" if said else type(error).__name__

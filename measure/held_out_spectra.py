@@ -10,8 +10,7 @@ import numpy as np
 
 from spectrabox.calibrate.chart_calibration import ChartCalibration
 from spectrabox.calibrate.held_out_patches import PatchesWithout
-from spectrabox.measure.surfaces.colour_comparison import independent_bands
-from spectrabox.measure.surfaces.surface_signals import FEW_BANDS
+from spectrabox.measure.surfaces import colour_comparison, surface_signals
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records.calibration import HeldOutPatches, share_inside
 from spectrabox.radiometry.records.spectra import WavelengthGrid
@@ -75,8 +74,8 @@ def patches_without(without: PatchesWithout, grid: WavelengthGrid, reflectances:
         covariance = without.error_covariance(spectra @ basis.T) / (
             white[:, :, None] * white[:, None, :])
         response = common
-        if common.shape[0] > FEW_BANDS:     # of which some are sums of others
-            each = [independent_bands((fine / white[..., None]).mean(axis=0), one)
+        if common.shape[0] > surface_signals.FEW_BANDS:     # of which some are sums of others
+            each = [colour_comparison.independent_bands((fine / white[..., None]).mean(axis=0), one)
                     for one in covariance]
             gains = np.array([gain for _, gain in each])
             response = common[each[0][0]]

@@ -15,8 +15,7 @@ from spectrabox.capture.photo.stored_images import stated_bands
 from spectrabox.measure import captured
 from spectrabox.radiometry.errors import ClippedPhotoError, InputError
 from spectrabox.radiometry.findings import Finding, each_once
-from spectrabox.radiometry.records.photos import LinearImage
-from spectrabox.radiometry.records.spectra import default_band_names
+from spectrabox.radiometry.records import photos, spectra
 
 MAX_CLIPPED = 0.5               # of the object photo
 LETTERED = ({*"RGB"}, {*"XYZ"})     # bands of which one cannot be another
@@ -34,10 +33,12 @@ class OpenPhotos:
 
     def __init__(self, capture: captured.Capture) -> None:
         self._capture = capture
-        self._last: tuple[captured.PhotoFiles, LinearImage, tuple[Finding, ...]] | None = None
+        self._last: tuple[captured.PhotoFiles, photos.LinearImage, tuple[Finding,
+                                                                         ...]] | None = None
         self._channels: Channels | None = None
 
-    def developed(self, photo: captured.PhotoFiles) -> tuple[LinearImage, tuple[Finding, ...]]:
+    def developed(self,
+                  photo: captured.PhotoFiles) -> tuple[photos.LinearImage, tuple[Finding, ...]]:
         """As ``develop``."""
         if self._last is None or self._last[0] != photo:
             self._last = None           # its memory is needed for the next
@@ -52,15 +53,16 @@ class OpenPhotos:
                 channels_of_photos(self._capture)
         return self._channels
 
-    def bands(self, photo: LinearImage) -> tuple[str, ...]:
+    def bands(self, photo: photos.LinearImage) -> tuple[str, ...]:
         """Names of the bands of the capture's photos, of which one is given."""
         shown = self._capture.views[0].photo
-        return default_band_names(photo.signal.shape[2]) if captured.ONE_PHOTO in shown else \
-            tuple(_names_of_channels(shown, self.channels))
+        if captured.ONE_PHOTO in shown:
+            return spectra.default_band_names(photo.signal.shape[2])
+        return tuple(_names_of_channels(shown, self.channels))
 
 
 def develop(capture: captured.Capture, photo: captured.PhotoFiles,
-            channels: Channels | None = None) -> tuple[LinearImage, tuple[Finding, ...]]:
+            channels: Channels | None = None) -> tuple[photos.LinearImage, tuple[Finding, ...]]:
     """A photo as linear signal, without dark signal and flat-fielded where there are the frames.
 
     One of several bands is stacked; its bands are brought to the shortest of their exposures where
@@ -81,7 +83,7 @@ def develop(capture: captured.Capture, photo: captured.PhotoFiles,
     """
     several = captured.ONE_PHOTO not in photo
     channels = (channels_of_photos(capture) if channels is None else channels) if several else ()
-    images, findings = list[LinearImage](), list[Finding]()
+    images, findings = list[photos.LinearImage](), list[Finding]()
     for number, (band, files) in enumerate(photo.items()):
         image, of_files = _developed_files(capture, band, files,
                                            channels[number] if several else None)
@@ -101,7 +103,7 @@ def develop(capture: captured.Capture, photo: captured.PhotoFiles,
 
 def _developed_files(capture: captured.Capture, band: str, files: tuple[captured.InputFile, ...],
                      channels: tuple[int, ...] | None
-                     ) -> tuple[LinearImage, tuple[Finding, ...]]:
+                     ) -> tuple[photos.LinearImage, tuple[Finding, ...]]:
     """Files of one band: a photo, or a bracket of exposures."""
     if files[0].opened is not None:
         return files[0].opened, files[0].findings
@@ -131,7 +133,7 @@ def _names_of_channels(photo: Mapping[str, object], channels: Channels) -> list[
             for name, chosen in zip(photo, channels, strict=True) for channel in chosen]
 
 
-def require_exposed(photo: LinearImage, name: str) -> None:
+def require_exposed(photo: photos.LinearImage, name: str) -> None:
     """Refuse an object photo of which too little is left to compare with a rendering.
 
     Parameters
@@ -151,7 +153,7 @@ def require_exposed(photo: LinearImage, name: str) -> None:
                                 "exposure until the surfaces are not, the light itself may be")
 
 
-def require_one_camera(images: Iterable[LinearImage]) -> None:
+def require_one_camera(images: Iterable[photos.LinearImage]) -> None:
     """Refuse photos of which two state different cameras; some files leave its serial number out.
 
     Parameters

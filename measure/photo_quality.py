@@ -9,10 +9,9 @@ import numpy as np
 from spectrabox.capture.chart.detection import locate_chart
 from spectrabox.capture.chart.quality import judge_chart
 from spectrabox.measure.camera import chart_signals
+from spectrabox.radiometry import errors, grid
 from spectrabox.radiometry.chart import CLASSIC, Chart
-from spectrabox.radiometry.errors import SpectraboxError
 from spectrabox.radiometry.findings import Finding, Severity
-from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records.photos import LinearImage
 
 BRIGHT = 0.75           # of saturation, where the brightest parts should lie
@@ -40,9 +39,9 @@ def judge_photo(image: LinearImage, chart: Chart = CLASSIC) -> tuple[tuple[Findi
     if not chart.has_known_colours:
         return tuple(findings), False
     try:
-        signals = chart_signals(chart, None, visible_grid())
+        signals = chart_signals(chart, None, grid.visible_grid())
         detection = locate_chart(image, signals, None, chart)
-    except SpectraboxError:
+    except errors.SpectraboxError:
         return tuple(findings), False
     verdict = judge_chart(image, detection, signals, chart)
     if detection.mirrored:

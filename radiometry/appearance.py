@@ -9,8 +9,7 @@ import functools
 
 import numpy as np
 
-from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.grid import interpolation_matrix, trapezoid_weights_nm
+from spectrabox.radiometry import errors, grid
 from spectrabox.radiometry.published import published_tables
 
 WITHIN_NM = (360.0, 780.0)
@@ -173,11 +172,12 @@ def signal_of_colour(light: str, *, lab: np.ndarray | None = None,
     white = 100 * tristimulus_weights(np.arange(*WITHIN_NM), light).sum(axis=1)
     stated = [np.asarray(each, dtype=float) for each in (lab, xyz) if each is not None]
     if len(stated) != 1 or stated[0].shape[-1:] != (3,):
-        raise InputError("give L*a*b* or X, Y, Z of a colour, three numbers")
+        raise errors.InputError("give L*a*b* or X, Y, Z of a colour, three numbers")
     signal = stated[0] / white if lab is None else share_of_white(stated[0])
     if not np.all((signal >= 0) & (signal <= BRIGHTEST)):
-        raise InputError(f"{stated[0]} is no colour of a surface under {light}: relative to white "
-                         f"it is {np.round(signal, 3)}; L* is 0 to 100, and Y is 100 for white")
+        raise errors.InputError(
+            f"{stated[0]} is no colour of a surface under {light}: relative to white "
+            f"it is {np.round(signal, 3)}; L* is 0 to 100, and Y is 100 for white")
     return signal
 
 
@@ -279,7 +279,7 @@ def tristimulus_weights(nm: np.ndarray, light: str) -> np.ndarray:
         If no light of that name is published.
     """
     table_nm, weights = _weights_under(light)
-    return np.asarray(weights @ interpolation_matrix(nm, table_nm))
+    return np.asarray(weights @ grid.interpolation_matrix(nm, table_nm))
 
 
 @functools.cache
@@ -323,7 +323,7 @@ def tristimulus_of(nm: np.ndarray, values: np.ndarray) -> np.ndarray:
     values : (P,) array
         W m-2 sr-1 nm-1, or W m-2 nm-1.
     """
-    return LUMENS_PER_WATT * colour_matching(nm) @ (trapezoid_weights_nm(nm) * values)
+    return LUMENS_PER_WATT * colour_matching(nm) @ (grid.trapezoid_weights_nm(nm) * values)
 
 
 def colour_matching(nm: np.ndarray) -> np.ndarray:

@@ -12,11 +12,9 @@ from typing import Annotated
 
 import numpy as np
 
-from spectrabox.radiometry.appearance import tristimulus_weights
-from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry import appearance, errors, shaped
 from spectrabox.radiometry.published import published_tables
 from spectrabox.radiometry.records.spectra import WavelengthGrid
-from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
 from spectrabox.radiometry.system.words import nearest_words
 
@@ -61,7 +59,7 @@ SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])    # cor
 
 
 @dataclass(frozen=True, eq=False)
-class Chart(Record):
+class Chart(shaped.Record):
     """Layout of a chart of I patches in rows and columns, listed row by row.
 
     Lengths are in one unit, any; points are seen from the middle of the patches, x to the right and
@@ -190,11 +188,11 @@ def chart_reflectances(reference: str, grid: WavelengthGrid, chart: Chart = CLAS
         If the reference is not known, or none is published of this chart.
     """
     if not chart.references:
-        raise InputError(f"chart reference {reference!r} is of another chart than the "
+        raise errors.InputError(f"chart reference {reference!r} is of another chart than the "
                          f"{chart.name}; give a file of its {len(chart.names)} measured patches "
                          "(CSV or CGATS)")
     if reference not in chart.references:
-        raise InputError(f"chart reference {reference!r} is not known"
+        raise errors.InputError(f"chart reference {reference!r} is not known"
                          f"{nearest_words(reference, chart.references)}; known are "
                          f"{', '.join(chart.references)}, or a CSV file with one column per patch")
     if reference in MEANS_OF_COPIES:
@@ -327,8 +325,9 @@ def excluded_patches(numbers: Sequence[int], chart: Chart, setting: str) -> np.n
     patches = len(chart.names)
     for number in numbers:
         if not 1 <= number <= patches:
-            raise InputError(f"{setting} {number} is no patch; those of the {chart.name} are "
-                             f"numbered 1 to {patches}, {chart.names[0]} first")
+            raise errors.InputError(
+                f"{setting} {number} is no patch; those of the {chart.name} are "
+                f"numbered 1 to {patches}, {chart.names[0]} first")
     return np.isin(np.arange(1, patches + 1), list(numbers))
 
 
@@ -411,7 +410,7 @@ def later_generation(earlier: np.ndarray, grid: WavelengthGrid) -> np.ndarray:
     grid : WavelengthGrid
         Working grid, of P wavelengths.
     """
-    weights = tristimulus_weights(grid.nm, "D50")
+    weights = appearance.tristimulus_weights(grid.nm, "D50")
     wanted = earlier @ weights.T * published_tables.published_colours(
         AFTER) / published_tables.published_colours(BEFORE)
     apart = (grid.nm[:, None] - grid.nm) / SMOOTH_NM

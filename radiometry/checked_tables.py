@@ -21,8 +21,7 @@ from pydantic import (
 )
 from pydantic.fields import FieldInfo
 
-from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import read_text, too_large
+from spectrabox.radiometry import errors, files
 from spectrabox.radiometry.system.words import nearest_names, shortened
 
 
@@ -65,7 +64,7 @@ def require_plain_toml(text: str, name: str) -> None:
     InputError
     """
     if len(text) > MAX_TOML_BYTES:
-        raise InputError(too_large(name, MAX_TOML_BYTES))
+        raise errors.InputError(files.too_large(name, MAX_TOML_BYTES))
     bare = STRING_OR_COMMENT.sub("s", text)
     depth = deepest = 0
     for bracket in BRACKET.findall(bare):
@@ -74,8 +73,9 @@ def require_plain_toml(text: str, name: str) -> None:
     parts = 1 + max(part.count(".") for part in BETWEEN_KEYS.split(bare))
     if max(parts, deepest) > MAX_TOML_DEPTH:
         what = "lists or tables within each other" if deepest >= parts else "parts in a key"
-        raise InputError(f"{name} has {max(parts, deepest)} {what}; {MAX_TOML_DEPTH} are the limit "
-                         "of what is read")
+        raise errors.InputError(
+            f"{name} has {max(parts, deepest)} {what}; {MAX_TOML_DEPTH} are the limit "
+            "of what is read")
 
 
 def read_toml(path: Path, advice: str) -> dict[str, Any]:
@@ -93,13 +93,13 @@ def read_toml(path: Path, advice: str) -> dict[str, Any]:
         says what to give instead.
     """
     try:
-        text = read_text(path, limit_bytes=MAX_TOML_BYTES)
+        text = files.read_text(path, limit_bytes=MAX_TOML_BYTES)
         require_plain_toml(text, path.name)
         return tomllib.loads(text)
     except OSError as error:
-        raise InputError(f"{path} cannot be read ({error.strerror}); {advice}") from None
+        raise errors.InputError(f"{path} cannot be read ({error.strerror}); {advice}") from None
     except (ValueError, RecursionError) as error:    # also numbers of 5000 digits, deep nesting
-        raise InputError(f"{path.name} is not valid TOML: {error}; {advice}") from None
+        raise errors.InputError(f"{path.name} is not valid TOML: {error}; {advice}") from None
 
 
 def checked(model: type[SomeTable], written: Any, file: str) -> SomeTable:
@@ -121,7 +121,7 @@ def checked(model: type[SomeTable], written: Any, file: str) -> SomeTable:
     try:
         return model.model_validate(written)
     except ValidationError as error:
-        raise InputError("\n".join(f"{file}: {sentence}"
+        raise errors.InputError("\n".join(f"{file}: {sentence}"
                                    for sentence in fault_sentences(error, model))) from None
 
 

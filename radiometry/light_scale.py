@@ -3,10 +3,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from spectrabox.radiometry.error_model import ROUNDED_EXPOSURES, with_common_error
-from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records.calibration import LightScale
-from spectrabox.radiometry.records.photos import LinearImage
+from spectrabox.radiometry import error_model, errors
+from spectrabox.radiometry.records import calibration, photos
 
 SAME_SETTING = 1e-6
 # Of the times that cameras state: 1/125, 1/60.
@@ -15,7 +13,7 @@ MAX_FRACTION_S = 0.26
 MAX_ROUNDING_STOPS = 0.1     # 1/60 s is 1/64 s, by 0.093
 
 
-def exposure_ratio(before: LinearImage, after: LinearImage) -> float:
+def exposure_ratio(before: photos.LinearImage, after: photos.LinearImage) -> float:
     """Exposure of a photo relative to that of another, by their stated settings.
 
     A linear signal is proportional to exposure time x ISO / f-number squared.
@@ -31,20 +29,21 @@ def exposure_ratio(before: LinearImage, after: LinearImage) -> float:
     """
     for setting in ("iso", "f_number"):
         if (getattr(before, setting) is None) != (getattr(after, setting) is None):
-            raise InputError(f"only one of {before.source} and {after.source} states its "
+            raise errors.InputError(f"only one of {before.source} and {after.source} states its "
                              f"{setting}; shoot both with the same camera settings")
     exposures = []
     for photo in (after, before):
         if photo.exposure_s is None:
-            raise InputError(f"{photo.source} states no exposure time, so its signal cannot be "
-                             "compared with the chart photo's; take the scale from a known "
-                             "material instead ([scale] from = \"material\")")
+            raise errors.InputError(
+                f"{photo.source} states no exposure time, so its signal cannot be "
+                "compared with the chart photo's; take the scale from a known "
+                "material instead ([scale] from = \"material\")")
         iso = photo.iso if photo.iso is not None else 1.0
         exposures.append(photo.exposure_s * iso / (photo.f_number or 1.0)**2)
     return exposures[0] / exposures[1]
 
 
-def rounding_error(before: LinearImage, after: LinearImage) -> float:
+def rounding_error(before: photos.LinearImage, after: photos.LinearImage) -> float:
     """Relative error of ``exposure_ratio`` by the rounding of stated settings.
 
     A camera states 1/60 s for 1/64 s, f/11 for f/11.3: the error is the difference to the ratio of
@@ -77,8 +76,8 @@ def _off_third(value: float) -> float:
     return off if abs(off) < MAX_ROUNDING_STOPS else 0.0
 
 
-def scale_for_photo(scale: LightScale, calibrated_on: LinearImage,
-                    photo: LinearImage) -> LightScale:
+def scale_for_photo(scale: calibration.LightScale, calibrated_on: photos.LinearImage,
+                    photo: photos.LinearImage) -> calibration.LightScale:
     """The light scale of another photo under the same light, by the ratio of exposures.
 
     Parameters
@@ -100,12 +99,13 @@ def scale_for_photo(scale: LightScale, calibrated_on: LinearImage,
            else f"{scale.source}, times {ratio:.4g} for the exposure")
     if rounded > SAME_SETTING:
         how += f", which is known to {rounded:.1%} as cameras round the settings they state"
-    carried = LightScale(scale.value * ratio, error, scale.residuals, how, scale.common_errors)
-    return with_common_error(carried, ROUNDED_EXPOSURES, rounded)
+    carried = calibration.LightScale(scale.value * ratio, error, scale.residuals, how,
+                                     scale.common_errors)
+    return error_model.with_common_error(carried, error_model.ROUNDED_EXPOSURES, rounded)
 
 
 def scale_from_signals(measured: np.ndarray, predicted: np.ndarray, relative_error: float,
-                       source: str, readable: np.ndarray | None = None) -> LightScale:
+                       source: str, readable: np.ndarray | None = None) -> calibration.LightScale:
     """Closed-form weighted least squares of measured against predicted signals.
 
     The signal is linear in the light: a render at 2.5 times the light is 2.5 times the image. The
@@ -133,5 +133,5 @@ def scale_from_signals(measured: np.ndarray, predicted: np.ndarray, relative_err
     regions = len(measured)
     pulls = np.sum(weight * predicted * (measured - value * predicted), axis=1) / curvature
     by_region = np.sum(pulls**2) * regions / max(regions - 1, 1)
-    return LightScale(float(value), float(np.sqrt(max(misfit / curvature, by_region))), residuals,
-                      source)
+    return calibration.LightScale(float(value), float(np.sqrt(max(misfit / curvature, by_region))),
+                                  residuals, source)

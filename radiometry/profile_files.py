@@ -10,8 +10,7 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
-from spectrabox.radiometry import appearance
-from spectrabox.radiometry.files import whole_file, write_text_whole
+from spectrabox.radiometry import appearance, files
 
 FORMS = {".icc": "an ICC input profile", ".clf": "a Common LUT Format file to ACES2065-1",
          ".ocio": "an OpenColorIO configuration"}
@@ -43,14 +42,14 @@ def write_profile(path: Path, camera: str, matrix: np.ndarray,
     """
     table = colour_table(xyz, PCS_WHITE)
     if path.suffix.lower() == ".icc":
-        with whole_file(path) as unfinished:
+        with files.whole_file(path) as unfinished:
             unfinished.write_bytes(camera_profile_bytes(camera, matrix, table))
         return (path,)
     clf = path.with_suffix(".clf")
-    write_text_whole(clf, clf_text(camera, table))
+    files.write_text_whole(clf, clf_text(camera, table))
     if path.suffix.lower() == ".clf":
         return (clf,)
-    write_text_whole(path, ocio_config_text(camera, clf.name, matrix))
+    files.write_text_whole(path, ocio_config_text(camera, clf.name, matrix))
     return path, clf
 
 

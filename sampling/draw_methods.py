@@ -8,19 +8,19 @@ from collections.abc import Callable
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import SpectralMeasurement, SpectrumSamples
-from spectrabox.sampling.prior.mixture import LogitMixture
-from spectrabox.sampling.prior.signal_posterior import sample_prior
+from spectrabox.sampling.prior import mixture, signal_posterior
 from spectrabox.sampling.published.per_axis_box import sample_published
 from spectrabox.sampling.uniform import sample_uniform
 
 # (measurement, draws, seed, coefficients, prior) -> samples
-Method = Callable[[SpectralMeasurement, int, int, int, LogitMixture | None], SpectrumSamples]
+Method = Callable[[SpectralMeasurement, int, int, int, mixture.LogitMixture | None],
+                  SpectrumSamples]
 METHODS: dict[str, Method] = {"paper": sample_published, "uniform": sample_uniform,
-                              "prior": sample_prior}
+                              "prior": signal_posterior.sample_prior}
 
 
 def draw_spectra(measurement: SpectralMeasurement, method: str, draws: int, seed: int,
-                 coefficients: int, prior: LogitMixture | None = None) -> SpectrumSamples:
+                 coefficients: int, prior: mixture.LogitMixture | None = None) -> SpectrumSamples:
     """Spectra that fit a measurement, drawn by one of the METHODS.
 
     Parameters

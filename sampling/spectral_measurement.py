@@ -8,12 +8,10 @@ from typing import Annotated
 
 import numpy as np
 
+from spectrabox.radiometry import error_model, errors, shaped
 from spectrabox.radiometry.covariance import is_covariance, symmetric, with_rank
-from spectrabox.radiometry.error_model import Errors
-from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import basis_matrix, interpolation_matrix
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, WavelengthGrid
-from spectrabox.radiometry.shaped import Record
 
 RANK = 1e-10            # relative: directions of a noise of less variance have none
 SAME = 1e-9             # of white: responses closer than this are one
@@ -21,7 +19,7 @@ PROJECTION_STEPS = 300      # of the accelerated projected gradient; 1e-7 of the
 
 
 @dataclass(frozen=True, eq=False)
-class MeasurementOperator(Record):
+class MeasurementOperator(shaped.Record):
     """A measurement of spline coefficients: ``y = A c + noise``, c of 1 giving y of 1."""
 
     A: Annotated[np.ndarray, "K N"]
@@ -30,7 +28,7 @@ class MeasurementOperator(Record):
 
 
 @dataclass(frozen=True, eq=False)
-class CoefficientDraws(Record):
+class CoefficientDraws(shaped.Record):
     """Draws of spline coefficients in [0, 1], all equally likely, and how the sampler did."""
 
     coefficients: Annotated[np.ndarray, "T N"]
@@ -132,7 +130,8 @@ def reduced_errors(gain: np.ndarray, repeated: np.ndarray, signal: np.ndarray, n
     if relative is None or not relative.any() or len(gain) == len(signal):
         return own, whole, relative
     shares = gain * repeated.T
-    return own, whole, Errors.of_total(whole, own, shares @ relative @ shares.T).relative
+    return own, whole, error_model.Errors.of_total(whole, own,
+                                                   shares @ relative @ shares.T).relative
 
 
 def nearest_coefficients(A: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -210,7 +209,8 @@ def check_draw_count(draws: int) -> None:
     InputError
     """
     if not isinstance(draws, int | np.integer) or draws < 1:
-        raise InputError(f"{draws!r} draws were asked for; ask for at least 1, a whole number")
+        raise errors.InputError(
+            f"{draws!r} draws were asked for; ask for at least 1, a whole number")
 
 
 def check_seed(seed: int) -> None:
@@ -225,7 +225,7 @@ def check_seed(seed: int) -> None:
     InputError
     """
     if not isinstance(seed, int | np.integer) or seed < 0:
-        raise InputError(f"the seed {seed!r} cannot be; give 0, 1, 2 ...")
+        raise errors.InputError(f"the seed {seed!r} cannot be; give 0, 1, 2 ...")
 
 
 def check_measurement(measurement: SpectralMeasurement) -> None:
@@ -240,8 +240,9 @@ def check_measurement(measurement: SpectralMeasurement) -> None:
                          ("signal", measurement.signal),
                          ("noise", measurement.noise_covariance)):
         if not np.all(np.isfinite(values)):
-            raise InputError(f"the {name} of the measurement holds numbers that are not finite; "
-                             "measure it again")
+            raise errors.InputError(
+                f"the {name} of the measurement holds numbers that are not finite; "
+                "measure it again")
     check_noise(measurement.noise_covariance)
     if measurement.relative_covariance is not None:
         check_noise(measurement.relative_covariance)
@@ -264,8 +265,9 @@ def check_bands(response: np.ndarray) -> None:
     """
     length = np.linalg.norm(response, axis=1, keepdims=True)
     if np.any(length == 0) or np.linalg.svd(response / length, compute_uv=False)[-1] < ALIKE:
-        raise InputError("two bands respond alike, or one sees nothing of 400-700 nm under this "
-                         "light; leave one out or measure the sensitivities again")
+        raise errors.InputError(
+            "two bands respond alike, or one sees nothing of 400-700 nm under this "
+            "light; leave one out or measure the sensitivities again")
 
 
 def check_noise(covariance: np.ndarray) -> None:
@@ -281,6 +283,7 @@ def check_noise(covariance: np.ndarray) -> None:
     InputError
     """
     if not is_covariance(covariance):
-        raise InputError("the noise covariance is not symmetric positive semi-definite; state "
-                         "variances on the diagonal, or a covariance estimated from repeated "
-                         "readings")
+        raise errors.InputError(
+            "the noise covariance is not symmetric positive semi-definite; state "
+            "variances on the diagonal, or a covariance estimated from repeated "
+            "readings")

@@ -24,9 +24,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from spectrabox.radiometry.error_model import proportional_covariance, split_errors
+from spectrabox.radiometry import error_model, findings
 from spectrabox.radiometry.errors import ConvergenceError, InputError
-from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import basis_matrix
 from spectrabox.radiometry.records import spectra
 from spectrabox.sampling.polytope.bounds import reflectance_bounds
@@ -92,10 +91,14 @@ def about_answer(causes: Mapping[str, np.ndarray], signals: np.ndarray, given: n
     if log_errors is None:
         return dict(causes)
     less = np.exp(-log_errors)
-    split = {name: split_errors(signals, {name: covariance})
+    split = {name: error_model.split_errors(signals, {name: covariance})
              for name, covariance in causes.items()}
-    return {name: proportional_covariance(given, errors.relative)
-            + proportional_covariance(less, errors.absolute) for name, errors in split.items()}
+    return {
+        name:
+        error_model.proportional_covariance(given, errors.relative)
+        + error_model.proportional_covariance(less, errors.absolute)
+        for name, errors in split.items()
+    }
 
 
 def error_budgets(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
@@ -120,7 +123,7 @@ def error_budgets(prior: LogitMixture, relative_response: np.ndarray, signals: n
     left = variance
     if np.any(total > 0):
         perfect = mixture_posterior.posterior(prior, relative_response, signals,
-                                              np.zeros((signals.shape[1], ) * 2))
+                                              np.zeros((signals.shape[1],) * 2))
         left = np.where(total > 0,
                         np.minimum(mixture_posterior.mean_and_spread(perfect)[1]**2, variance),
                         variance)
@@ -157,9 +160,10 @@ TAIL_DRAWS = 25
 READING_ERROR = 0.005
 
 
-def summarise(samples: spectra.SpectrumSamples, measurement: spectra.SpectralMeasurement,
-              level: float = 0.95,
-              conditional_on: tuple[Finding, ...] | None = None) -> spectra.SpectrumSummary:
+def summarise(
+        samples: spectra.SpectrumSamples, measurement: spectra.SpectralMeasurement,
+        level: float = 0.95,
+        conditional_on: tuple[findings.Finding, ...] | None = None) -> spectra.SpectrumSummary:
     """Mean, standard deviation, central band and exact bounds from draws of spectra.
 
     Parameters
@@ -194,10 +198,9 @@ def summarise(samples: spectra.SpectrumSamples, measurement: spectra.SpectralMea
     return spectra.SpectrumSummary(
         grid=samples.grid, mean=samples.spectra.mean(axis=0),
         standard_deviation=samples.spectra.std(axis=0), lower=lower, upper=upper,
-        bound_lower=bound_lower, bound_upper=bound_upper, level=level,
-        conditional_on=conditional_on or (
-            Finding("band.prior-and-sampler", Severity.INFO, values={"method": samples.method}),
-            *samples.findings),
+        bound_lower=bound_lower, bound_upper=bound_upper, level=level, conditional_on=conditional_on
+        or (findings.Finding("band.prior-and-sampler", findings.Severity.INFO,
+                             values={"method": samples.method}), *samples.findings),
         next_measurement_nm=next_measurement_nm(samples.grid, covariance))
 
 

@@ -6,13 +6,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from spectrabox.radiometry.errors import ConvergenceError
+from spectrabox.radiometry import errors, grid
 from spectrabox.radiometry.findings import Finding
-from spectrabox.radiometry.grid import basis_matrix
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, SpectrumSamples
 from spectrabox.sampling import spectral_measurement
-from spectrabox.sampling.polytope.tilt import check_operator, max_entropy_tilt
-from spectrabox.sampling.polytope.tilted_rejection import METHOD, sample_polytope
+from spectrabox.sampling.polytope import tilt, tilted_rejection
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 
 # how far an unreachable signal is moved into what can be reached
@@ -40,11 +38,12 @@ def sample_uniform(measurement: SpectralMeasurement, draws: int, seed: int, coef
     spectral_measurement.check_measurement(measurement)
     spectral_measurement.check_draw_count(draws)
     operator, moved = into_reach(spectral_measurement.spline_operator(measurement, coefficients))
-    coefficient_draws = sample_polytope(operator, draws, seed)
+    coefficient_draws = tilted_rejection.sample_polytope(operator, draws, seed)
     if not moved:
-        return as_spectra(coefficient_draws, METHOD, seed, coefficient_draws.outcome)
-    return as_spectra(coefficient_draws, METHOD, seed, Outcome.MOVED, Outcome.MOVED.finding(
-        coefficients=coefficients, moved=float(moved)))
+        return as_spectra(coefficient_draws, tilted_rejection.METHOD, seed,
+                          coefficient_draws.outcome)
+    return as_spectra(coefficient_draws, tilted_rejection.METHOD, seed, Outcome.MOVED,
+                      Outcome.MOVED.finding(coefficients=coefficients, moved=float(moved)))
 
 
 def as_spectra(draws: spectral_measurement.CoefficientDraws, method: str, seed: int,
@@ -61,7 +60,7 @@ def as_spectra(draws: spectral_measurement.CoefficientDraws, method: str, seed: 
     *findings : Finding
         On the outcome; by default that alone.
     """
-    spectra = draws.coefficients @ basis_matrix(PRIOR_GRID.nm, draws.coefficients.shape[1]).T
+    spectra = draws.coefficients @ grid.basis_matrix(PRIOR_GRID.nm, draws.coefficients.shape[1]).T
     spectra.flags.writeable = False     # nobody else has them: the record need not copy
     return SpectrumSamples(PRIOR_GRID, spectra, draws.coefficients, method, draws.effective_samples,
                            seed, outcome, findings or (outcome.finding(),))
@@ -85,19 +84,20 @@ def into_reach(
     ConvergenceError
         If the signal lies too far away.
     """
-    check_operator(operator)
+    tilt.check_operator(operator)
     try:
-        max_entropy_tilt(operator)
+        tilt.max_entropy_tilt(operator)
         return operator, 0.0
-    except ConvergenceError:
+    except errors.ConvergenceError:
         nearest = spectral_measurement.nearest_coefficients(operator.A, operator.y)
     for share in TOWARDS_GREY:
         y = operator.A @ ((1 - share) * nearest + share / 2)
         moved = spectral_measurement.MeasurementOperator(operator.A, y, operator.noise_covariance)
         try:
-            max_entropy_tilt(moved)
+            tilt.max_entropy_tilt(moved)
             return moved, float(np.abs(y - operator.y).max())
-        except ConvergenceError:
+        except errors.ConvergenceError:
             continue
-    raise ConvergenceError("the signal lies too far from what reflectances between 0 and 1 can "
-                           "give; check the white it is relative to")
+    raise errors.ConvergenceError(
+        "the signal lies too far from what reflectances between 0 and 1 can "
+        "give; check the white it is relative to")

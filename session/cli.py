@@ -26,16 +26,12 @@ from spectrabox.session.commands import (
     session,
     spectrum,
 )
-from spectrabox.session.terminal.command_help import Commands
-from spectrabox.session.terminal.command_line import (
-    flushed_output,
-    reported_errors,
-)
-from spectrabox.session.terminal.progress_display import stop_on_signals
+from spectrabox.session.terminal import command_help, command_line, progress_display
 
 # rich_markup_mode None: its panels cost --help twice the time.
-app = Commands(name="spectrabox", pretty_exceptions_enable=False, rich_markup_mode=None,
-               context_settings={"help_option_names": ["-h", "--help"]})
+app = command_help.Commands(name="spectrabox", pretty_exceptions_enable=False,
+                            rich_markup_mode=None,
+                            context_settings={"help_option_names": ["-h", "--help"]})
 for subject in (session, batch, flat, advise, finished, capture, geometry, camera, sampling, meter,
                 spectrum, filters):
     subject.register(app)
@@ -85,8 +81,8 @@ def main() -> None:
         warnings.simplefilter("ignore")     # lines of our code, which tell an operator nothing
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")   # names that no locale can write
-    stop_on_signals()
-    with reported_errors("--json" in sys.argv, debug), flushed_output():
+    progress_display.stop_on_signals()
+    with command_line.reported_errors("--json" in sys.argv, debug), command_line.flushed_output():
         # Not the Typer object itself: it would put its own hook in place of ours.
         get_command(with_only("".join(sys.argv[1:2])))(prog_name="spectrabox")
 

@@ -7,16 +7,12 @@ from functools import partial
 from pathlib import Path
 
 from spectrabox.measure.records import CaptureRecords
-from spectrabox.measure.steps.declared_steps import Step
-from spectrabox.measure.steps.measurement import measure
-from spectrabox.radiometry.errors import InputError
+from spectrabox.measure.steps import declared_steps, measurement
+from spectrabox.radiometry import errors, shaped
 from spectrabox.radiometry.records.spectra import Progress
-from spectrabox.radiometry.shaped import Record
 from spectrabox.session.config.session_file import SessionConfig
 from spectrabox.session.kept_stages import FinishedRun
-from spectrabox.session.store import record_files
-from spectrabox.session.store.keys import InputFiles, step_keys
-from spectrabox.session.store.locks import share_stage, shared_stage
+from spectrabox.session.store import keys, locks, record_files
 from spectrabox.session.terminal.progress_display import StageProgress
 
 
@@ -43,8 +39,8 @@ def run_stages(config: SessionConfig, *, device: str, only: str | None, force: b
         If ``only`` names no stage of this session, or a stage before it is not up to date.
     """
     keeper = FolderKeeper(config, only=only, force=force, progress=progress, shared=shared)
-    measure(keeper.finished.capture, keeper, device=device, checkpoints=config.results_folder,
-            before=before)
+    measurement.measure(keeper.finished.capture, keeper, device=device,
+                        checkpoints=config.results_folder, before=before)
     return keeper.finished
 
 
@@ -60,11 +56,11 @@ class FolderKeeper:
 
     def __init__(self, config: SessionConfig, *, only: str | None, force: bool,
                  progress: StageProgress, shared: Path | None) -> None:
-        self._config, self._inputs = config, InputFiles(config)
+        self._config, self._inputs = config, keys.InputFiles(config)
         capture = config.capture()
-        self._keys = step_keys(capture, self._inputs)
+        self._keys = keys.step_keys(capture, self._inputs)
         if only is not None and only not in self._keys:
-            raise InputError(f"there is no stage {only!r} in this session; it has "
+            raise errors.InputError(f"there is no stage {only!r} in this session; it has "
                              f"{', '.join(self._keys)}")
         self._only, self._force, self._progress, self._shared = only, force, progress, shared
         self.finished = FinishedRun(capture, {}, {})
@@ -73,7 +69,8 @@ class FolderKeeper:
     def records(self) -> CaptureRecords:
         return self.finished.records
 
-    def keep(self, step: Step, compute: Callable[[Progress, Path | None], Record]) -> None:
+    def keep(self, step: declared_steps.Step, compute: Callable[[Progress, Path | None],
+                                                                shaped.Record]) -> None:
         """The step's record as it is stored, if that is up to date; else as it is computed now."""
         name, key = step.name, self._keys[step.name]
         stored = record_files.load_stage(self._config.results_folder, name)
@@ -88,14 +85,14 @@ class FolderKeeper:
             return
         if stored is not None and stored.fault:
             self._progress(name, 0.0, f"run again: its stored results {stored.fault}")
-        with shared_stage(self._shared, name, key) as other:
+        with locks.shared_stage(self._shared, name, key) as other:
             if other is not None:
                 stored = self._store(name, partial(record_files.copy_stage, other))
                 self._progress(name, 1.0, "as another session made it")
             else:
                 stored = self._store(name, partial(self._compute, name, compute))
                 self._progress(name, 1.0, f"{stored.seconds:.1f} s")
-                share_stage(self._shared, name, stored)
+                locks.share_stage(self._shared, name, stored)
         self._note(name, stored, "copied" if other else "run")
 
     def _keep_beside(self, name: str, stored: record_files.StoredStage | None, fresh: bool) -> None:
@@ -105,8 +102,9 @@ class FolderKeeper:
         if stored is not None and (fresh or later):
             self._note(name, stored, "kept" if fresh else "stale")
         elif not later:
-            raise InputError(f"stage {name!r}, which comes before {self._only!r}, is not up to "
-                             "date: run without --only")
+            raise errors.InputError(
+                f"stage {name!r}, which comes before {self._only!r}, is not up to "
+                "date: run without --only")
 
     def _note(self, name: str, stored: record_files.StoredStage, state: str) -> None:
         self.finished.stored[name], self.finished.states[name] = stored, state
@@ -122,7 +120,7 @@ class FolderKeeper:
         assert stored is not None
         return stored
 
-    def _compute(self, name: str, compute: Callable[[Progress, Path | None], Record],
+    def _compute(self, name: str, compute: Callable[[Progress, Path | None], shaped.Record],
                  folder: Path) -> None:
         """Compute the record of a step and save it into a folder."""
         start = time.perf_counter()

@@ -4,8 +4,7 @@ from __future__ import annotations
 from spectrabox.measure.captured import SceneCapture, require_scene
 from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.results.calibration_facts import checks
-from spectrabox.measure.scene import rehearsal
-from spectrabox.measure.scene.box_camera import scene_of
+from spectrabox.measure.scene import box_camera, rehearsal
 from spectrabox.measure.scene.rehearsal import rehearse as rehearse_scene
 from spectrabox.measure.scene.relight import Relit, light_by_itself
 from spectrabox.measure.scene.relight import relight as relight_scene
@@ -140,7 +139,7 @@ def relight(run: kept_stages.FinishedRun, *, light: str | None, observer: str,
                for name, known, spectrum in zip(joint.materials, joint.known, joint.spectra,
                                                 strict=True)}
     start_mitsuba(device)
-    scene = scene_of(capture.views[0].scene)
+    scene = box_camera.scene_of(capture.views[0].scene)
     relit = relight_scene(scene, capture.bsdfs, spectra, grid, power, matching,
                           size=size, spp=spp, seed=capture.seed)
     posterior = calibration.light_posterior

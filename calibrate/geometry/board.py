@@ -8,9 +8,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from spectrabox.radiometry import checked_tables
-from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.shaped import Record
+from spectrabox.radiometry import checked_tables, errors, shaped
 
 MIN_SQUARES = 3
 Vector = Annotated[checked_tables.ListOf[float], Field(min_length=3, max_length=3)]
@@ -21,7 +19,7 @@ SQUARE_ANGLE = 1e-3     # radians: how far from a right angle the two directions
 
 
 @dataclass(frozen=True, eq=False)
-class Board(Record):
+class Board(shaped.Record):
     """Lengths in the scene's unit. Its corner, at the top left as printed, lies at ``origin``."""
 
     columns: int
@@ -34,7 +32,7 @@ class Board(Record):
 
 
 @dataclass(frozen=True, eq=False)
-class ScenePoints(Record):
+class ScenePoints(shaped.Record):
     """Points known in the scene and seen in a photo; (0, 0) is the centre of its first pixel."""
 
     names: tuple[str, ...]
@@ -133,9 +131,10 @@ def in_scene(board: Board, positions: np.ndarray, name: str) -> np.ndarray:
         If the board's file does not say where it lies.
     """
     if board.axes is None:
-        raise InputError(f"{name} does not say where the board lies in the scene; add origin = [x, "
-                         "y, z] (its top-left corner as printed), right = [x, y, z] and down = [x, "
-                         "y, z] (the directions of its edges)")
+        raise errors.InputError(
+            f"{name} does not say where the board lies in the scene; add origin = [x, "
+            "y, z] (its top-left corner as printed), right = [x, y, z] and down = [x, "
+            "y, z] (the directions of its edges)")
     return board.axes[0] + positions[:, :2] @ board.axes[1:]
 
 

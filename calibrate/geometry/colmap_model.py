@@ -15,9 +15,8 @@ from typing import Annotated
 import numpy as np
 
 from spectrabox.calibrate.geometry.lens import Lens
+from spectrabox.radiometry import files, shaped
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import read_text
-from spectrabox.radiometry.shaped import Record
 
 CAMERAS_NAME, IMAGES_NAME = "cameras.txt", "images.txt"
 # indices of fx, fy, cx, cy, k1, k2, p1, p2 among a model's parameters; None: 0
@@ -35,7 +34,7 @@ EXPORT = ("export the model as text with 'colmap model_converter --input_path sp
 
 
 @dataclass(frozen=True, eq=False)
-class ModelImage(Record):
+class ModelImage(shaped.Record):
     """A picture of a COLMAP model."""
 
     name: str
@@ -158,7 +157,7 @@ def _rotation(quaternion: np.ndarray) -> np.ndarray:
 
 def _lines(path: Path) -> list[str]:
     try:
-        return [line.strip() for line in read_text(path).splitlines()]
+        return [line.strip() for line in files.read_text(path).splitlines()]
     except FileNotFoundError:
         binary = path.with_suffix(".bin").is_file()
         raise InputError(f"{path} is missing{' and its binary form is there' if binary else ''}; "

@@ -16,17 +16,14 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
-from spectrabox.radiometry import checked_tables
-from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import write_text_whole
-from spectrabox.radiometry.shaped import Record
+from spectrabox.radiometry import checked_tables, errors, files, shaped
 
 OPENCV_TO_MITSUBA = np.diag([-1.0, -1.0, 1.0, 1.0])
 STEP = 1e-6             # of rotations in radians, and of shifts as a share of their length
 
 
 @dataclass(frozen=True, eq=False)
-class Lens(Record):
+class Lens(shaped.Record):
     """Pinhole and distortion of a camera at a zoom and focus; standard errors of 0: assumed."""
 
     width: int                                          # pixels of the whole photo
@@ -40,7 +37,7 @@ class Lens(Record):
 
 
 @dataclass(frozen=True, eq=False)
-class Pose(Record):
+class Pose(shaped.Record):
     """The camera's pose: world (the scene's unit) to OpenCV camera coordinates."""
 
     world_to_camera: Annotated[np.ndarray, "4 4"]
@@ -50,7 +47,7 @@ class Pose(Record):
 
 
 @dataclass(frozen=True, eq=False)
-class CameraPosition(Record):
+class CameraPosition(shaped.Record):
     """Where the camera is in the scene, in its unit, and where it looks."""
 
     position: Annotated[np.ndarray, "3"]
@@ -166,7 +163,7 @@ def write_lens(path: Path, lens: Lens) -> None:
     path : Path
     lens : Lens
     """
-    write_text_whole(path, json.dumps(lens_facts(lens), indent=1) + "\n")
+    files.write_text_whole(path, json.dumps(lens_facts(lens), indent=1) + "\n")
 
 
 def read_lens(path: Path) -> Lens:
@@ -185,12 +182,13 @@ def read_lens(path: Path) -> Lens:
     try:
         written = LensTable.model_validate_json(path.read_bytes())
     except OSError as error:
-        raise InputError(f"{path} cannot be read ({error.strerror}); "
+        raise errors.InputError(f"{path} cannot be read ({error.strerror}); "
                          "write one with 'spectrabox geometry lens'") from None
     except ValidationError as error:
         reasons = "; ".join(checked_tables.fault_sentences(error, LensTable))
-        raise InputError(f"{path.name} is no lens file ({reasons}); write one with 'spectrabox "
-                         "geometry lens'") from None
+        raise errors.InputError(
+            f"{path.name} is no lens file ({reasons}); write one with 'spectrabox "
+            "geometry lens'") from None
     facts = dict(written) | {name: np.array(getattr(written, name)) for name in ARRAYS}
     del facts["format"]
     return Lens(**facts)

@@ -17,11 +17,8 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from spectrabox.calibrate.geometry import projection
-from spectrabox.calibrate.geometry.colmap_model import ModelImage
-from spectrabox.calibrate.geometry.lens import Pose
-from spectrabox.radiometry.errors import CheckError, InputError
-from spectrabox.radiometry.shaped import Record
+from spectrabox.calibrate.geometry import colmap_model, lens, projection
+from spectrabox.radiometry import errors, shaped
 
 MIN_POINTS = 3              # in two pictures each: a similarity has 7 parameters
 ACCEPTED_SHARE = 0.005      # rms, of the pictures' width, as of a pose
@@ -33,7 +30,7 @@ Marks = Mapping[str, Mapping[str, tuple[float, float]]]     # picture -> point -
 
 
 @dataclass(frozen=True, eq=False)
-class ModelInScene(Record):
+class ModelInScene(shaped.Record):
     """scene = scale * rotation @ model + shift, and how well the marks agree."""
 
     scale: float                                    # the scene's unit for one of the model
@@ -46,7 +43,7 @@ class ModelInScene(Record):
     rms_px: float
 
 
-def model_in_scene(images: Mapping[str, ModelImage], marks: Marks,
+def model_in_scene(images: Mapping[str, colmap_model.ModelImage], marks: Marks,
                    positions: Mapping[str, tuple[float, float, float]]) -> ModelInScene:
     """The similarity from a model to the scene.
 
@@ -72,13 +69,15 @@ def model_in_scene(images: Mapping[str, ModelImage], marks: Marks,
             seen[point].append(picture)
     twice = [point for point, pictures in seen.items() if len(pictures) > 1]
     if len(twice) < MIN_POINTS:
-        raise InputError(f"{len(twice)} points are marked in two pictures or more; {MIN_POINTS} "
-                         "are needed to tie the model to the scene, better six")
+        raise errors.InputError(
+            f"{len(twice)} points are marked in two pictures or more; {MIN_POINTS} "
+            "are needed to tie the model to the scene, better six")
     _require_inside(images, marks)
     there = np.array([positions[point] for point in twice], dtype=float)
     if projection.spread(there)[1] < projection.FLAT:
-        raise InputError("the points marked in two pictures lie on one line, about which the model "
-                         "may turn; mark others")
+        raise errors.InputError(
+            "the points marked in two pictures lie on one line, about which the model "
+            "may turn; mark others")
     triangulated = np.array([_triangulated(point, {name: marks[name][point]
                                                    for name in seen[point]}, images)
                              for point in twice])
@@ -104,7 +103,7 @@ def model_in_scene(images: Mapping[str, ModelImage], marks: Marks,
         float(np.sqrt(np.mean(lengths**2))))
 
 
-def pose_in_scene(image: ModelImage, model: ModelInScene) -> Pose:
+def pose_in_scene(image: colmap_model.ModelImage, model: ModelInScene) -> lens.Pose:
     """The pose of one of the model's pictures in the scene, with the similarity's errors.
 
     Parameters
@@ -128,22 +127,23 @@ def pose_in_scene(image: ModelImage, model: ModelInScene) -> Pose:
     jacobian = np.stack(columns, axis=1)
     world_to_camera = np.eye(4)
     world_to_camera[:3, :3], world_to_camera[:3, 3] = turn, shift
-    return Pose(world_to_camera, jacobian @ model.covariance @ jacobian.T, np.zeros((0, 2)),
+    return lens.Pose(world_to_camera, jacobian @ model.covariance @ jacobian.T, np.zeros((0, 2)),
                 model.rms_px)
 
 
-def _require_inside(images: Mapping[str, ModelImage], marks: Marks) -> None:
+def _require_inside(images: Mapping[str, colmap_model.ModelImage], marks: Marks) -> None:
     for picture, points in marks.items():
         width, height = images[picture].lens.width, images[picture].lens.height
         for point, (x, y) in points.items():
             if not (-0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5):
-                raise InputError(f"{point!r} lies at ({x:.0f}, {y:.0f}), outside {picture} of "
-                                 f"{width} x {height} pixels as COLMAP saw it; give pixels of that "
-                                 "picture")
+                raise errors.InputError(
+                    f"{point!r} lies at ({x:.0f}, {y:.0f}), outside {picture} of "
+                    f"{width} x {height} pixels as COLMAP saw it; give pixels of that "
+                    "picture")
 
 
 def _triangulated(point: str, marks: Mapping[str, tuple[float, float]],
-                  images: Mapping[str, ModelImage]) -> np.ndarray:
+                  images: Mapping[str, colmap_model.ModelImage]) -> np.ndarray:
     """The place (3,) in the model that lies nearest to the rays of one point."""
     normal, wanted, rays = np.zeros((3, 3)), np.zeros(3), []
     for name, px in marks.items():
@@ -156,9 +156,10 @@ def _triangulated(point: str, marks: Mapping[str, tuple[float, float]],
         rays.append(ray)
     parallax = np.degrees(np.arccos(np.clip(np.min(np.array(rays) @ np.array(rays).T), -1, 1)))
     if parallax < MIN_PARALLAX_DEG:
-        raise CheckError(f"{point!r} is seen from nearly the same place in {' and '.join(marks)} "
-                         f"(rays {parallax:.1f} degrees apart, {MIN_PARALLAX_DEG:g} are needed); "
-                         "mark it in pictures taken further from each other")
+        raise errors.CheckError(
+            f"{point!r} is seen from nearly the same place in {' and '.join(marks)} "
+            f"(rays {parallax:.1f} degrees apart, {MIN_PARALLAX_DEG:g} are needed); "
+            "mark it in pictures taken further from each other")
     return np.asarray(np.linalg.solve(normal, wanted))
 
 
@@ -179,7 +180,7 @@ Similarity = tuple[float, np.ndarray, np.ndarray]
 class _Known:
     """What one picture shows: places (n, 3) in the scene at pixels (n, 2)."""
 
-    image: ModelImage
+    image: colmap_model.ModelImage
     names: tuple[str, ...]
     places: np.ndarray
     points_px: np.ndarray
@@ -250,6 +251,7 @@ def _require_explained(fit: np.ndarray, start: Similarity, known: Known,
     for point in twice if len(twice) > MIN_POINTS else ():
         others = [kept for seen in known if (kept := seen.without(point)).names]
         if rms(_refined(start, others), others) <= allowed:
-            raise CheckError(refusal + f"without {point!r} the others fit: correct it")
-    raise CheckError(refusal + "check that left and right are not exchanged and that the measures "
-                     "are in one unit")
+            raise errors.CheckError(refusal + f"without {point!r} the others fit: correct it")
+    raise errors.CheckError(refusal
+                            + "check that left and right are not exchanged and that the measures "
+                            "are in one unit")

@@ -44,10 +44,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import whole_file
+from spectrabox.radiometry import errors, files, shaped
 from spectrabox.radiometry.records.spectra import WavelengthGrid
-from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.system.archives import DamagedArchiveError, opened_npz
 
 if TYPE_CHECKING:
@@ -58,7 +56,7 @@ NOT_LOCALISED = (0.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
-class CameraPrior(Record):
+class CameraPrior(shaped.Record):
     """Mixture of Gaussians on states stacked band after band: D = K P; F components; L levels.
 
     Columns of ``departures``: standard deviation and length (nm) of what is added to each band (a
@@ -166,7 +164,7 @@ def save_camera_prior(path: Path, prior: CameraPrior) -> None:
               "between": prior.between.astype(np.float32), "members": np.array(prior.members),
               "source": np.array(prior.source), "licence": np.array(prior.licence),
               "floor": np.array(prior.floor), "localised": np.array(prior.localised)}
-    with whole_file(path) as unfinished, unfinished.open("wb") as file:
+    with files.whole_file(path) as unfinished, unfinished.open("wb") as file:
         np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
 
 
@@ -194,12 +192,14 @@ def load_camera_prior(path: Path) -> CameraPrior:
                                str(stored["source"]), str(stored["licence"]),
                                float(stored["floor"]), (share, length_nm, coupling))
     except FileNotFoundError:
-        raise InputError(f"{path} is missing; make a prior with 'spectrabox camera prior FOLDER "
-                         "--out FILE'") from None
+        raise errors.InputError(
+            f"{path} is missing; make a prior with 'spectrabox camera prior FOLDER "
+            "--out FILE'") from None
     except (OSError, DamagedArchiveError):
-        raise InputError(f"{path.name} is not a camera prior, is of an earlier version, or is "
-                         "damaged; make one with 'spectrabox camera prior FOLDER --out "
-                         "FILE'") from None
+        raise errors.InputError(
+            f"{path.name} is not a camera prior, is of an earlier version, or is "
+            "damaged; make one with 'spectrabox camera prior FOLDER --out "
+            "FILE'") from None
 
 
 @cache

@@ -12,8 +12,7 @@ from typing import Annotated
 import numpy as np
 
 from spectrabox.calibrate import chart_equations
-from spectrabox.calibrate.prior.camera_prior import CameraPrior
-from spectrabox.calibrate.prior.prior_fit import CurvePosterior
+from spectrabox.calibrate.prior import camera_prior, prior_fit
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.calibration import (
     Calibration,
@@ -69,7 +68,7 @@ class CurveMoments(Record):
     peak: float
 
 
-def camera_alone(posterior: CurvePosterior, bands: int) -> CurvePosterior:
+def camera_alone(posterior: prior_fit.CurvePosterior, bands: int) -> prior_fit.CurvePosterior:
     """The camera's own curves, without what the first photo's light departs by from its statement.
 
     A fit hands on the curves that give a photo's signals together with the stated light. Nuisances
@@ -95,7 +94,7 @@ def camera_alone(posterior: CurvePosterior, bands: int) -> CurvePosterior:
     return replace(posterior, means=np.array(means), covariances=np.array(covariances), lights=())
 
 
-def relit(posterior: CurvePosterior,
+def relit(posterior: prior_fit.CurvePosterior,
           photos: list[chart_equations.ChartEquations]) -> list[chart_equations.ChartEquations]:
     """Photos under the lights that give their signals together with the curves of a posterior:
     those of the first photo's light as it is stated.
@@ -115,7 +114,7 @@ def relit(posterior: CurvePosterior,
             for photo, light in zip(photos, posterior.lights, strict=True)]
 
 
-def curve_moments(posterior: CurvePosterior, bands: int) -> CurveMoments:
+def curve_moments(posterior: prior_fit.CurvePosterior, bands: int) -> CurveMoments:
     """Mean and covariance of the mixture, divided by the largest value.
 
     Where the mean dips below zero it is raised to zero and everything that varies with it moves
@@ -138,7 +137,8 @@ def curve_moments(posterior: CurvePosterior, bands: int) -> CurveMoments:
                                                      covariance / peak**2), peak)
 
 
-def draw_curves(posterior: CurvePosterior, bands: int, draws: int, seed: int) -> np.ndarray:
+def draw_curves(posterior: prior_fit.CurvePosterior, bands: int, draws: int,
+                seed: int) -> np.ndarray:
     """Independent draws (T, K, P) of all curves together, negative values set to zero.
 
     Each draw has a largest value of 1; a later stage averages over them.
@@ -195,7 +195,8 @@ def sensitivity_draws(calibration: Calibration, draws: int, seed: int) -> np.nda
     return curves / curves.max(axis=(1, 2), keepdims=True)
 
 
-def prior_share(posterior: CurvePosterior, prior: CameraPrior, moments: CurveMoments) -> np.ndarray:
+def prior_share(posterior: prior_fit.CurvePosterior, prior: camera_prior.CameraPrior,
+                moments: CurveMoments) -> np.ndarray:
     """Share (K, P) of each curve's prior uncertainty that the photo left, 0 to 1.
 
     Standard deviation after over before, both of curves divided by their largest value, for the
@@ -243,7 +244,7 @@ def curve_variance(basis: np.ndarray, covariance: np.ndarray, bands: int) -> np.
                      for band in range(bands)])
 
 
-def photo_states(posterior: CurvePosterior, photos: list[chart_equations.ChartEquations],
+def photo_states(posterior: prior_fit.CurvePosterior, photos: list[chart_equations.ChartEquations],
                  moments: CurveMoments) -> list[PhotoState]:
     """Exposure, field and glare of every photo, and the signals that follow.
 

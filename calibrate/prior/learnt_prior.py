@@ -19,10 +19,7 @@ from typing import Annotated
 import numpy as np
 
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
-from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import read_text
-from spectrabox.radiometry.grid import grid_from_nm
-from spectrabox.radiometry.shaped import Record
+from spectrabox.radiometry import errors, files, grid, shaped
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves
 from spectrabox.radiometry.system.words import nearest_words
 
@@ -77,7 +74,7 @@ def build_prior(nm: np.ndarray, curves: np.ndarray, names: tuple[str, ...], *, s
     from scipy.special import ndtri, stdtrit
     cameras = len(curves)
     if cameras < MIN_CAMERAS:
-        raise InputError(f"a prior needs {MIN_CAMERAS} measured cameras or more; {cameras} "
+        raise errors.InputError(f"a prior needs {MIN_CAMERAS} measured cameras or more; {cameras} "
                          "could be read")
     vectors = (curves / curves.mean(axis=(1, 2), keepdims=True)).reshape(cameras, -1)
     states = np.log(vectors + FLOOR)
@@ -182,13 +179,13 @@ def _leading(rows: np.ndarray) -> np.ndarray:
 # Measured camera curves from a folder: rawtoaces JSON, CSV.
 
 STEP_NM = 5.0
-GRID = grid_from_nm(np.arange(400.0, 700.0 + STEP_NM, STEP_NM))
+GRID = grid.grid_from_nm(np.arange(400.0, 700.0 + STEP_NM, STEP_NM))
 NEGATIVE = 0.05                                 # of the largest value: more is not a sensitivity
 SUFFIXES = (".json", ".csv")
 
 
 @dataclass(frozen=True, eq=False)
-class CameraDatabase(Record):
+class CameraDatabase(shaped.Record):
     """Curves of C cameras on one grid; ``skipped`` says which files could not be used."""
 
     nm: Annotated[np.ndarray, "P"]
@@ -214,25 +211,26 @@ def read_camera_database(folder: Path, *, leave_out: tuple[str, ...] = ()) -> Ca
         broken file, and a camera that another file held already, are skipped and named.
     """
     if not folder.is_dir():
-        raise InputError(f"{folder} is not a folder; give a folder of measured camera curves")
+        raise errors.InputError(
+            f"{folder} is not a folder; give a folder of measured camera curves")
     cameras: dict[str, np.ndarray] = {}
     skipped = []
     for path in sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES):
         try:
             in_file = {name: _checked(*table, f"{path.name}, {name}")
                        for name, table in cameras_of_file(path).items()}
-        except InputError as error:
+        except errors.InputError as error:
             skipped.append(str(error))
             continue
         skipped += [f"{path.name} holds {name} once more; the first is kept" for name in in_file
                     if name in cameras]
         cameras |= {name: curves for name, curves in in_file.items() if name not in cameras}
     if absent := [name for name in leave_out if name not in cameras]:
-        raise InputError(f"{folder} holds no camera {absent[0]!r} to leave out"
+        raise errors.InputError(f"{folder} holds no camera {absent[0]!r} to leave out"
                          f"{nearest_words(absent[0], cameras)}")
     kept = {name: curves for name, curves in cameras.items() if name not in leave_out}
     if not kept:
-        raise InputError(f"{folder} holds no camera that can be read"
+        raise errors.InputError(f"{folder} holds no camera that can be read"
                          + (f"; the first problem: {skipped[0]}" if skipped
                             else "; JSON or CSV files are needed"))
     bands = len(next(iter(kept.values())))
@@ -257,7 +255,7 @@ def cameras_of_file(path: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """
     readers = {".json": _read_rawtoaces, ".csv": _read_csv}
     if path.suffix.lower() not in readers:
-        raise InputError(f"{path.name} is no file of camera curves; .json (rawtoaces) or "
+        raise errors.InputError(f"{path.name} is no file of camera curves; .json (rawtoaces) or "
                          ".csv is needed")
     cameras = readers[path.suffix.lower()](path)
     for name, (nm, curves) in cameras.items():
@@ -268,27 +266,29 @@ def cameras_of_file(path: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
 def _checked(nm: np.ndarray, curves: np.ndarray, name: str) -> np.ndarray:
     """Curves (K, P) on ``GRID``."""
     if not np.all(np.isfinite(curves)):
-        raise InputError(f"{name}: some values are not numbers")
+        raise errors.InputError(f"{name}: some values are not numbers")
     values = on_grid(nm, curves, GRID, name)
     largest = float(values.max())
     if largest <= 0 or values.min() < -NEGATIVE * largest or np.any(values.max(axis=1) <= 0):
-        raise InputError(f"{name}: sensitivities must be positive; they run from "
+        raise errors.InputError(f"{name}: sensitivities must be positive; they run from "
                          f"{values.min():.3g} to {values.max():.3g}")
     return np.maximum(values, 0.0)
 
 
 def _read_rawtoaces(path: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     try:
-        stored = json.loads(read_text(path, "utf-8"))
+        stored = json.loads(files.read_text(path, "utf-8"))
         rows = stored["spectral_data"]["data"]["main"]
         header = stored["header"]
         name = f"{header['manufacturer']} {header['model']}"
         nm = np.array([float(wavelength) for wavelength in rows])
         curves = np.array(list(rows.values()), dtype=float).T
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
-        raise InputError(f"{path.name} is not a rawtoaces camera file; it is left out") from None
+        raise errors.InputError(
+            f"{path.name} is not a rawtoaces camera file; it is left out") from None
     if curves.ndim != 2 or nm.size < 2 or np.any(np.diff(nm) <= 0):
-        raise InputError(f"{path.name} holds no table of ascending wavelengths; it is left out")
+        raise errors.InputError(
+            f"{path.name} holds no table of ascending wavelengths; it is left out")
     return {name: (nm, curves)}
 
 

@@ -10,18 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.calibrate import chart_equations, held_out_patches, sensitivity
-from spectrabox.calibrate.copy_errors import Explained
-from spectrabox.calibrate.prior import curve_posterior
-from spectrabox.calibrate.prior.camera_prior import CameraPrior
-from spectrabox.calibrate.prior.prior_fit import CurvePosterior
+from spectrabox.calibrate import chart_equations, copy_errors, held_out_patches, sensitivity
+from spectrabox.calibrate.prior import camera_prior, curve_posterior, prior_fit
 from spectrabox.calibrate.products import product_posterior
 from spectrabox.calibrate.products.lamps import Lamps, ProductPrior, product_prior
 from spectrabox.radiometry.covariance import symmetric
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.records.calibration import LightPosterior
-from spectrabox.radiometry.records.spectra import PRODUCTS, WavelengthGrid
+from spectrabox.radiometry.records import calibration, spectra
 from spectrabox.radiometry.spectra.light_words import LIGHT_KINDS
 
 SEED = 1                    # of the draws of cameras
@@ -34,12 +30,12 @@ class ProductFit:
     """The fit of products in the form of every other, and what is known of the light."""
 
     fit: sensitivity.PriorFit
-    light: LightPosterior
+    light: calibration.LightPosterior
     posterior: product_posterior.ProductPosterior
 
 
-def fit_products(photos: list[chart_equations.ChartEquations], cameras: CameraPrior, lamps: Lamps,
-                 grid: WavelengthGrid, light_words: str,
+def fit_products(photos: list[chart_equations.ChartEquations], cameras: camera_prior.CameraPrior,
+                 lamps: Lamps, grid: spectra.WavelengthGrid, light_words: str,
                  excluded: chart_equations.ChartEquations | None = None) -> ProductFit:
     """Products of sensitivity and light, exposure, field and glare of chart photos under one light.
 
@@ -78,20 +74,20 @@ def fit_products(photos: list[chart_equations.ChartEquations], cameras: CameraPr
         photos[0].reflectances, excluded.reflectances]))[:len(photos[0].signal)]
     fit = sensitivity.sensitivity_fit(
         photos[0], curves, moments, states[0].predicted, held_out, grid,
-        f"{PRODUCTS}, {light_words}: mixture of cameras "
+        f"{spectra.PRODUCTS}, {light_words}: mixture of cameras "
         f"({cameras.source}) and {len(lamps.names)} lamps")
     best = max(posterior.hypotheses, key=lambda hypothesis: hypothesis.share)
     chi_square = sum(h.share * h.chi_square for h in posterior.hypotheses)
     joint = sensitivity.PriorFit(fit, curves, tuple(states), (held_out, *(state.predicted
                                                              for state in states[1:])),
                      share, (), curves.model_error, float(chi_square), without,
-                     Explained(np.exp(best.log_weights), best.seen, best.inverse))
+                     copy_errors.Explained(np.exp(best.log_weights), best.seen, best.inverse))
     return ProductFit(joint, light, posterior)
 
 
 def _as_curves(posterior: product_posterior.ProductPosterior,
                photos: list[chart_equations.ChartEquations],
-               grid: WavelengthGrid) -> CurvePosterior:
+               grid: spectra.WavelengthGrid) -> prior_fit.CurvePosterior:
     """The posterior as one of curves under a light of 1, a component for each hypothesis."""
     prior, basis = posterior.prior, interpolation_matrix(posterior.prior.nm, grid.nm)
     mass = grid.weights_nm @ basis
@@ -106,8 +102,9 @@ def _as_curves(posterior: product_posterior.ProductPosterior,
     best = posterior.hypotheses[int(np.argmax(shares))]
     error = chart_equations.mean_error(shares,
                                        [hypothesis.error for hypothesis in posterior.hypotheses])
-    return CurvePosterior(basis, shares, np.array(means), np.array(covariances), shares, error,
-                          posterior.log_evidence, 0, best.gain_sd, best.error, WIDENING)
+    return prior_fit.CurvePosterior(basis, shares, np.array(means), np.array(covariances), shares,
+                                    error, posterior.log_evidence, 0, best.gain_sd, best.error,
+                                    WIDENING)
 
 
 def in_curves(prior: ProductPrior, mean: np.ndarray, covariance: np.ndarray,
@@ -146,7 +143,7 @@ def in_curves(prior: ProductPrior, mean: np.ndarray, covariance: np.ndarray,
 
 def _without_each(
         posterior: product_posterior.ProductPosterior, photos: list[chart_equations.ChartEquations],
-        grid: WavelengthGrid,
+        grid: spectra.WavelengthGrid,
         excluded: chart_equations.ChartEquations | None) -> held_out_patches.PatchesWithout:
     """Every patch of the first photo by the hypotheses that are likely, then the excluded."""
     prior, basis = posterior.prior, interpolation_matrix(posterior.prior.nm, grid.nm)
@@ -176,8 +173,8 @@ def _without_each(
                                      error, patches)
 
 
-def _prior_share(posterior: product_posterior.ProductPosterior, curves: CurvePosterior,
-                 covariance: np.ndarray, grid: WavelengthGrid) -> np.ndarray:
+def _prior_share(posterior: product_posterior.ProductPosterior, curves: prior_fit.CurvePosterior,
+                 covariance: np.ndarray, grid: spectra.WavelengthGrid) -> np.ndarray:
     """Share (K, P) of the prior's uncertainty that the photo left, of curves of largest value 1."""
     prior = posterior.prior
     mass = grid.weights_nm @ curves.basis
@@ -205,7 +202,7 @@ NARROWED = 0.75             # width of the band over the prior's: above, the pho
 
 
 def light_posterior(posterior: product_posterior.ProductPosterior,
-                    grid: WavelengthGrid) -> LightPosterior:
+                    grid: spectra.WavelengthGrid) -> calibration.LightPosterior:
     """The light behind the products.
 
     Parameters
@@ -235,8 +232,8 @@ def light_posterior(posterior: product_posterior.ProductPosterior,
     fine = mean @ basis.T
     scale = 1 / fine.mean()
     lower, upper = np.maximum(mean - half, 0) @ basis.T, (mean + half) @ basis.T
-    return LightPosterior(grid, LIGHT_KINDS, shares, fine * scale, lower * scale, upper * scale,
-                          LEVEL, _findings(shares, half, before, mean))
+    return calibration.LightPosterior(grid, LIGHT_KINDS, shares, fine * scale, lower * scale,
+                                      upper * scale, LEVEL, _findings(shares, half, before, mean))
 
 
 def kind_probabilities(posterior: product_posterior.ProductPosterior) -> np.ndarray:

@@ -47,14 +47,10 @@ from spectrabox.measure.estimate import Estimate
 from spectrabox.measure.more_bands import filter_fit
 from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.surfaces.surface_signals import alone
-from spectrabox.radiometry import grid
-from spectrabox.radiometry.error_model import PHOTO_NOISE
-from spectrabox.radiometry.errors import CheckError
+from spectrabox.radiometry import error_model, errors, grid
 from spectrabox.radiometry.records import spectra
-from spectrabox.radiometry.spectra.filters import MIN_TRANSMITTANCE, stated_filter
-from spectrabox.radiometry.spectra.named_spectra import light
-from spectrabox.sampling.prior import mixture
-from spectrabox.sampling.prior.signal_posterior import solve_posterior
+from spectrabox.radiometry.spectra import filters, named_spectra
+from spectrabox.sampling.prior import mixture, signal_posterior
 from spectrabox.sampling.summary import next_measurement_nm
 
 STOPS = 0.05                # of exposure: less is not said
@@ -69,13 +65,13 @@ LAMPS = {"daylight": "D65", "a halogen lamp": "A", "a cold white LED lamp": "LED
 def usual_at_hand() -> filter_fit.LampsAtHand:
     """Common lamps, and two kinds of gels."""
     return filter_fit.LampsAtHand(
-        {words: light(name, grid.FINE_GRID)
+        {words: named_spectra.light(name, grid.FINE_GRID)
          for words, name in LAMPS.items()}, {
              words:
-             stated_filter(
+             filters.stated_filter(
                  words,
-                 np.clip(grid.pchip(GEL_NM, np.array(values), grid.FINE_GRID.nm), MIN_TRANSMITTANCE,
-                         1))
+                 np.clip(grid.pchip(GEL_NM, np.array(values), grid.FINE_GRID.nm),
+                         filters.MIN_TRANSMITTANCE, 1))
              for words, values in GELS.items()
          })
 
@@ -196,7 +192,7 @@ def _of_flat_sample(sample: flat_actions.FlatPhotos, surface: _Surface) -> list[
     for action, forecast in forecasts.items():
         # with smaller errors than now, a known region may contradict the chart: nobody is told to
         # do what would end in a refusal
-        with contextlib.suppress(CheckError):
+        with contextlib.suppress(errors.CheckError):
             advised.append(surface.advice(action, forecast()))
     return advised
 
@@ -233,18 +229,18 @@ def advice_on_signal(measured: spectra.SpectralMeasurement, prior: mixture.Logit
     hand : LampsAtHand, optional
         Common lamps and gels by default.
     """
-    posterior = solve_posterior(prior, measured)
+    posterior = signal_posterior.solve_posterior(prior, measured)
     if posterior.outcome not in SEEN:
         return ()
     bands = spectra.default_band_names(measured.signal.size)
     estimate = TO_FINE @ posterior.mean
     unknown = Unknown(
         posterior.prior, level,
-        spectra.SurfaceSignals(("signal",), (False,), measured.grid, estimate[None], bands,
-                       np.zeros(measured.signal.size, int), measured.relative_response,
-                       measured.signal[None],
-                       (spectra.SignalError(PHOTO_NOISE, measured.noise_covariance[None]),),
-                       () if measured.states is None else (measured.states,)), posterior.mean,
+        spectra.SurfaceSignals(
+            ("signal",), (False,), measured.grid, estimate[None], bands,
+            np.zeros(measured.signal.size, int), measured.relative_response, measured.signal[None],
+            (spectra.SignalError(error_model.PHOTO_NOISE, measured.noise_covariance[None]),),
+            () if measured.states is None else (measured.states,)), posterior.mean,
         np.zeros(0) if posterior.states is None else posterior.states.mean)
     solved = outlook_of(posterior, level)
     reading = next_measurement_nm(mixture.PRIOR_GRID, posterior.covariance)

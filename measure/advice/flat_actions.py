@@ -24,8 +24,7 @@ from spectrabox.measure.regions.white import (
     white_told_by,
 )
 from spectrabox.measure.steps.signals import flat_errors, flat_photos
-from spectrabox.radiometry.error_model import SAMPLE_PLANE
-from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry import error_model, grid
 from spectrabox.radiometry.records import spectra
 from spectrabox.radiometry.records.photos import RegionSamples
 
@@ -86,7 +85,7 @@ class FlatPhotos:
             photos = [*photos, replace(photos[0], name=MOVED, lamp=MOVED, moved=True)]
             whites = [*whites, whites[0]]
         if card:
-            known[BESIDE_IT + name] = np.full(FINE_GRID.nm.size, CARD)
+            known[BESIDE_IT + name] = np.full(grid.FINE_GRID.nm.size, CARD)
         stated = surface or self.errors.surfaces.get(name)
         errors = replace(self.errors, surfaces={} if stated is None else {region: stated},
                          known={**self.errors.known, BESIDE_IT + name: READ_ERROR})
@@ -159,17 +158,18 @@ def with_level(unknown: forecast.Unknown) -> forecast.Unknown:
     signal, states = np.nan_to_num(now.signal[0]), now.states[0]
     if not (signal > 0).any():
         return unknown
-    plane = next(error.covariance[0] for error in now.errors if error.cause == SAMPLE_PLANE)
+    plane = next(error.covariance[0] for error in now.errors
+                 if error.cause == error_model.SAMPLE_PLANE)
     variance = float((np.diag(plane)[signal > 0] / signal[signal > 0]**2).max())
-    level = spectra.CaptureStates((LEVEL, ), (SAMPLE_PLANE, ), signal[:, None],
-                                  np.full(1, -1.0), ("", ), np.ones(1), np.zeros((1, 1)),
+    level = spectra.CaptureStates((LEVEL,), (error_model.SAMPLE_PLANE,), signal[:, None],
+                                  np.full(1, -1.0), ("",), np.ones(1), np.zeros((1, 1)),
                                   np.full((1, 1, 1), variance))
     seen = np.isfinite(now.signal[0])
     found = variance * signal[seen] @ np.linalg.solve(
         forecast.total_covariance(now)[np.ix_(seen, seen)], forecast.left_errors(unknown)[seen])
     return replace(unknown, variables=np.r_[unknown.variables, found], signals=replace(
         now, states=(spectra.independent_states(states, level),),
-        errors=tuple(error for error in now.errors if error.cause != SAMPLE_PLANE)))
+        errors=tuple(error for error in now.errors if error.cause != error_model.SAMPLE_PLANE)))
 
 
 def _told(photo: FlatPhoto, white: PhotoWhite | None, names: Sequence[str],

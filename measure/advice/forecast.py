@@ -20,12 +20,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from spectrabox.measure.surfaces.surface_signals import measurement
-from spectrabox.radiometry.appearance import ciede2000, reflectance_to_lab
-from spectrabox.radiometry.error_model import CAUSES
-from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry import appearance, error_model, grid
 from spectrabox.radiometry.records import spectra
-from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
-from spectrabox.sampling.prior.signal_posterior import SignalPosterior, solve_posterior
+from spectrabox.sampling.prior import mixture, signal_posterior
 
 SLOPE = 1e-3            # of reflectance, by which a colour's derivative is found
 RANK = 1e-9             # of the largest variance: smaller ones are none
@@ -44,14 +41,14 @@ class Outlook:
 class Unknown:
     """One surface as it is known now."""
 
-    prior: LogitMixture
+    prior: mixture.LogitMixture
     level: float                    # of the band
     signals: spectra.SurfaceSignals         # of it alone
     spectrum: np.ndarray            # (61,) mean reflectance
     variables: np.ndarray           # (V,) mean of what its states add
 
 
-def outlook_of(posterior: SignalPosterior, level: float) -> Outlook:
+def outlook_of(posterior: signal_posterior.SignalPosterior, level: float) -> Outlook:
     """How well a spectrum is known by its posterior.
 
     Parameters
@@ -62,10 +59,11 @@ def outlook_of(posterior: SignalPosterior, level: float) -> Outlook:
     """
     lower, upper = posterior.band(level)
     mean = posterior.mean
-    colour = reflectance_to_lab(PRIOR_GRID.nm, mean)
-    slope = (reflectance_to_lab(PRIOR_GRID.nm, mean + SLOPE * np.eye(mean.size)) - colour).T / SLOPE
+    colour = appearance.reflectance_to_lab(mixture.PRIOR_GRID.nm, mean)
+    slope = (appearance.reflectance_to_lab(mixture.PRIOR_GRID.nm, mean + SLOPE * np.eye(mean.size))
+             - colour).T / SLOPE
     values, vectors = np.linalg.eigh(slope @ posterior.covariance @ slope.T)
-    off = ciede2000(colour, colour + (np.sqrt(np.maximum(values, 0)) * vectors).T)
+    off = appearance.ciede2000(colour, colour + (np.sqrt(np.maximum(values, 0)) * vectors).T)
     return Outlook(float(np.mean(upper - lower)), float(np.sqrt(np.sum(off**2))))
 
 
@@ -78,10 +76,10 @@ def outlook_of_answer(samples: spectra.SpectrumSamples, lower: np.ndarray,
     samples : SpectrumSamples
     lower, upper : (P,) arrays
     """
-    colours = reflectance_to_lab(samples.grid.nm, samples.spectra)
-    colour = reflectance_to_lab(samples.grid.nm, samples.spectra.mean(axis=0))
+    colours = appearance.reflectance_to_lab(samples.grid.nm, samples.spectra)
+    colour = appearance.reflectance_to_lab(samples.grid.nm, samples.spectra.mean(axis=0))
     return Outlook(float(np.mean(upper - lower)),
-                   float(np.sqrt(np.mean(ciede2000(colour, colours)**2))))
+                   float(np.sqrt(np.mean(appearance.ciede2000(colour, colours)**2))))
 
 
 def outlook_now(unknown: Unknown) -> Outlook:
@@ -98,7 +96,8 @@ def outlook_stated(unknown: Unknown, stated: spectra.SurfaceSignals) -> Outlook:
     stated : SurfaceSignals
         Of the surface alone.
     """
-    return outlook_of(solve_posterior(unknown.prior, measurement(stated, 0)), unknown.level)
+    return outlook_of(signal_posterior.solve_posterior(unknown.prior, measurement(stated, 0)),
+                      unknown.level)
 
 
 def outlook_after(unknown: Unknown, after: spectra.SurfaceSignals) -> Outlook:
@@ -111,9 +110,13 @@ def outlook_after(unknown: Unknown, after: spectra.SurfaceSignals) -> Outlook:
         Of the surface alone, whose first bands are those of now; their signals are not looked at.
     """
     signal = _expected_signal(unknown, after)
-    return outlook_stated(unknown, replace(after, signal=signal[None], errors=tuple(
-        error if CAUSES[error.cause].kind == "added" else _scaled(error, after.signal[0], signal)
-        for error in after.errors)))
+    return outlook_stated(
+        unknown,
+        replace(
+            after, signal=signal[None],
+            errors=tuple(error if error_model.CAUSES[error.cause].kind ==
+                         "added" else _scaled(error, after.signal[0], signal)
+                         for error in after.errors)))
 
 
 def _scaled(error: spectra.SignalError, before: np.ndarray, now: np.ndarray) -> spectra.SignalError:
@@ -125,8 +128,8 @@ def _scaled(error: spectra.SignalError, before: np.ndarray, now: np.ndarray) -> 
 def left_errors(unknown: Unknown) -> np.ndarray:
     """What reflectance and variables leave of the signal (J,); NaN in bands that do not show it."""
     now = unknown.signals
-    errors = now.signal[0] - now.response @ interpolation_matrix(
-        PRIOR_GRID.nm, now.grid.nm) @ unknown.spectrum
+    errors = now.signal[0] - now.response @ grid.interpolation_matrix(
+        mixture.PRIOR_GRID.nm, now.grid.nm) @ unknown.spectrum
     return np.asarray(errors - now.states[0].pattern @ unknown.variables if now.states else errors)
 
 
@@ -141,8 +144,8 @@ def _expected_signal(unknown: Unknown, after: spectra.SurfaceSignals) -> np.ndar
     seen = np.flatnonzero(np.isfinite(now.signal[0]))
     before, shared = total_covariance(now)[np.ix_(seen, seen)], total_covariance(after)[:, seen]
     errors = shared @ np.linalg.lstsq(before, left_errors(unknown)[seen], rcond=RANK)[0]
-    signal = after.response @ interpolation_matrix(PRIOR_GRID.nm, now.grid.nm) @ unknown.spectrum \
-        + errors
+    spectrum = grid.interpolation_matrix(mixture.PRIOR_GRID.nm, now.grid.nm) @ unknown.spectrum
+    signal = after.response @ spectrum + errors
     if after.states:
         signal += after.states[0].pattern @ _variables_given(after.states[0], now.states[0].names,
                                                              unknown.variables)

@@ -11,10 +11,8 @@ from spectrabox.measure.more_bands.filter_fit import FurtherPhoto
 from spectrabox.measure.more_bands.joined_errors import Surface, joined_errors
 from spectrabox.measure.regions.moved_lamp import LEVEL
 from spectrabox.measure.surfaces.surface_signals import FEW_BANDS, measurement
-from spectrabox.radiometry import error_model
+from spectrabox.radiometry import error_model, gloss, grid
 from spectrabox.radiometry.covariance import block_diagonal
-from spectrabox.radiometry.gloss import gloss_states
-from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records import spectra
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.sampling.further.more_measurements import Reading
@@ -85,7 +83,7 @@ def with_photos(unknown: Unknown, photos: Sequence[FurtherPhoto], white: np.ndar
     """
     now = replace(unknown.signals, states=())
     measured = measurement(now, 0)
-    spectrum = interpolation_matrix(PRIOR_GRID.nm, now.grid.nm) @ unknown.spectrum
+    spectrum = grid.interpolation_matrix(PRIOR_GRID.nm, now.grid.nm) @ unknown.spectrum
     response, signals, errors = joined_errors(
         [measured], spectrum[None], photos, white, None if fitted is None else [
             Surface(now, 0, fitted.calibration, fitted.chart, fitted.patch_error)])
@@ -115,7 +113,8 @@ def _states_with(states: tuple[spectra.CaptureStates, ...], further: np.ndarray,
     if any(name.startswith(LEVEL) for name in own.names) or not own.pattern.any():
         return None
     lamps = [own.names[int(row.argmax())] for row in own.pattern]
-    return (gloss_states(stated, lamps + [lamps[0] if same else "another" for same in same_lamp]),)
+    return (gloss.gloss_states(stated,
+                               lamps + [lamps[0] if same else "another" for same in same_lamp]),)
 
 
 def _with_bands(now: spectra.SurfaceSignals, response: np.ndarray, causes: Mapping[str, np.ndarray],

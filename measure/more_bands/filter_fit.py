@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from spectrabox.calibrate.chart_calibration import CalibrationOptions
-from spectrabox.calibrate.chart_photo import ChartPhoto
+from spectrabox.calibrate import chart_calibration, chart_photo
 from spectrabox.measure.camera import chart_signals
 from spectrabox.measure.regions.flat_signals import DARK_BAND
 from spectrabox.measure.steps import chart_fit
@@ -77,13 +76,14 @@ def filter_from_photos(bare: LinearImage, through: LinearImage, chart: Chart,
     _, filtered = chart_fit.find_patches(through, expected, chart, before=detection, filtered=True)
     stated = bare.exposure_s is not None and through.exposure_s is not None
     return filter_from_charts(
-        ChartPhoto(patches, reflectances, light, chart=chart),
-        ChartPhoto(filtered, reflectances, light, chart=chart, filter=unknown_filter()),
+        chart_photo.ChartPhoto(patches, reflectances, light, chart=chart),
+        chart_photo.ChartPhoto(filtered, reflectances, light, chart=chart, filter=unknown_filter()),
         exposure_ratio(bare, through) if stated else None)
 
 
-def filter_from_charts(bare: ChartPhoto, through: ChartPhoto, exposure: float | None,
-                       options: CalibrationOptions | None = None) -> MeasuredFilter:
+def filter_from_charts(
+        bare: chart_photo.ChartPhoto, through: chart_photo.ChartPhoto, exposure: float | None,
+        options: chart_calibration.CalibrationOptions | None = None) -> MeasuredFilter:
     """Transmittance between two photos of a chart under one light, known or not.
 
     Parameters

@@ -16,9 +16,8 @@ import numpy as np
 from spectrabox.measure.more_bands import filter_fit
 from spectrabox.measure.regions.flat_signals import DARK_BAND, SHARED_BY_PHOTOS
 from spectrabox.measure.surfaces.surface_signals import all_errors_by_cause
-from spectrabox.radiometry import error_model
+from spectrabox.radiometry import error_model, grid
 from spectrabox.radiometry.covariance import common_variance, error_patterns, symmetric
-from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.calibration import Calibration, FittedFilter
 from spectrabox.radiometry.records.spectra import (
     Quantity,
@@ -157,9 +156,10 @@ def _of_response(surfaces: Sequence[Surface], signals: np.ndarray, spectra: np.n
     calibrations = _with_charts(surfaces[0], [
         now, *(_calibration_of(now, photo) for photo in photos)], photos)
     views = np.repeat(np.arange(len(photos) + 1), bands)
-    joint = SurfaceSignals(
-        tuple(f"{number}" for number in range(len(signals))), (False,) * len(signals), FINE_GRID,
-        spectra, tuple(f"{number}" for number in seen), views, response[seen], signals[:, seen], ())
+    joint = SurfaceSignals(tuple(f"{number}" for number in range(len(signals))),
+                           (False,) * len(signals), grid.FINE_GRID, spectra,
+                           tuple(f"{number}" for number in seen), views, response[seen],
+                           signals[:, seen], ())
     total = np.zeros((*signals.shape, signals.shape[1]))
     total[:, seen[:, None], seen] = (error_model.sensitivity_covariance(calibrations, joint)
                                      + error_model.light_covariance(calibrations, joint)
@@ -218,7 +218,7 @@ def _patches_in_band(chart: np.ndarray, calibration: Calibration, band: int
     fit, fitted = calibration.sensitivity, calibration.filter
     assert fit.basis is not None and fitted is not None
     nodes = fit.basis.shape[1]
-    weight = spectrum_on_grid(calibration.light, FINE_GRID) * FINE_GRID.weights_nm
+    weight = spectrum_on_grid(calibration.light, grid.FINE_GRID) * grid.FINE_GRID.weights_nm
     white = float(weight @ fit.curves[band])
     patches = chart @ (weight * fit.curves[band]) / white
     change = (chart - patches[:, None]) * weight / white
@@ -232,9 +232,9 @@ def _calibration_of(calibration: Calibration, photo: filter_fit.FurtherPhoto) ->
     power = photo.light
     if calibration.light_posterior is not None:     # of products: its curves hold the light's mean
         _, light = filter_fit.curves_and_light(calibration)
-        power = power * spectrum_on_grid(calibration.light, FINE_GRID) / light
+        power = power * spectrum_on_grid(calibration.light, grid.FINE_GRID) / light
     # a stated light may be dark at some wavelengths: nothing is divided by it
-    own = Spectrum(FINE_GRID, power, Quantity.RELATIVE, photo.name)
+    own = Spectrum(grid.FINE_GRID, power, Quantity.RELATIVE, photo.name)
     if photo.filter is None:
         return dataclasses.replace(calibration, light=own)
     modes = photo.filter.modes.shape[1]

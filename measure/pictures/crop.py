@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import csr_array, kron
 
-from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry import errors, grid
 from spectrabox.radiometry.records.photos import LinearImage
 
 
@@ -52,13 +51,13 @@ def crop_of(photo: LinearImage, rect: Sequence[float] | None) -> Crop:
     left, right = sorted((x0, x1))
     top, bottom = sorted((y0, y1))
     if left < -0.5 or top < -0.5 or right > size[0] - 0.5 or bottom > size[1] - 0.5:
-        raise InputError(f"picture.rect leaves photo {photo.source} of {round(size[0])} x "
+        raise errors.InputError(f"picture.rect leaves photo {photo.source} of {round(size[0])} x "
                          f"{round(size[1])} pixels; correct its corners")
     across, down = (slice(int(np.ceil((low + 0.5) / step - 0.5)),
                           int(np.floor((high + 0.5) / step - 0.5 - 1e-9)) + 1)
                     for low, high in ((left, right), (top, bottom)))
     if across.stop - across.start < 2 or down.stop - down.start < 2:
-        raise InputError("picture.rect holds fewer than 2 x 2 pixels; enlarge it")
+        raise errors.InputError("picture.rect holds fewer than 2 x 2 pixels; enlarge it")
     return Crop(down, across, (left, top, right, bottom), step)
 
 
@@ -89,7 +88,7 @@ def node_grid(crop: Crop, columns: int) -> tuple[np.ndarray, Callable[[int, int]
     left, top, right, bottom = crop.corners_px
     x_px = np.linspace(left, right, columns)
     y_px = np.linspace(top, bottom, max(round(columns * (bottom - top) / (right - left)), 2))
-    across, down = (csr_array(interpolation_matrix(nodes, np.clip(at, nodes[0], nodes[-1])))
+    across, down = (csr_array(grid.interpolation_matrix(nodes, np.clip(at, nodes[0], nodes[-1])))
                     for nodes, at in ((x_px, crop.x_px), (y_px, crop.y_px)))
     return (np.stack(np.meshgrid(x_px, y_px), axis=-1).reshape(-1, 2),
             lambda first, last: kron(down[first:last], across, format="csr"))

@@ -14,14 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure.pictures import pixel_errors, pixel_flags
-from spectrabox.measure.pictures.pixel_spectra import PixelBlock, SpectraPlan
-from spectrabox.measure.pictures.shown_bands import ShownBands
+from spectrabox.measure.pictures import pixel_errors, pixel_flags, pixel_spectra, shown_bands
 from spectrabox.radiometry.error_model import Errors
 from spectrabox.radiometry.records.photos import LinearImage
-from spectrabox.sampling.prior import uplift_table
-from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
-from spectrabox.sampling.prior.mixture_posterior import TOLERANCE
+from spectrabox.sampling.prior import mixture, mixture_posterior, uplift_table
 
 GREY = 0.3                  # signal by whose error the places of a photo are compared
 BEST_KNOWN, WORST_KNOWN = 5, 95     # percentiles of the places of the two tables
@@ -32,7 +28,7 @@ SIGMAS = 4.0                # beyond white: what no reflectance gives
 
 
 @dataclass(frozen=True)
-class PhotoBlock(PixelBlock):
+class PhotoBlock(pixel_spectra.PixelBlock):
     """The n pixels of some rows of a lit photo; a mid grey stands for those without a spectrum."""
 
     # (n, K) relative to white, under the typical light of each pixel, less the mean gloss
@@ -72,7 +68,8 @@ class LitPhoto:
     errors: pixel_errors.PixelErrors
     flags: np.ndarray | None = None     # (H, W) of pixel_flags.py, as the scene gives them
     highlights: bool = False    # whether what is brighter than white is a highlight: no spectrum
-    shown: ShownBands | None = None     # where some pixels are seen in some bands; of one light
+    # where some pixels are seen in some bands; of one light
+    shown: shown_bands.ShownBands | None = None
 
     table_side, error_levels = SIDE, 2
 
@@ -83,7 +80,7 @@ class LitPhoto:
         return height, width, bands
 
     @property
-    def prior(self) -> LogitMixture:
+    def prior(self) -> mixture.LogitMixture:
         """Of the reflectances."""
         return self.errors.prior
 
@@ -205,7 +202,7 @@ class LitPhoto:
         """
         assert block.white is not None and block.variance is not None
         count, within = len(block.measured), block.within
-        shape = count, PRIOR_GRID.nm.size
+        shape = count, mixture.PRIOR_GRID.nm.size
         whole = uplift_table.Uplifted(np.empty(shape), np.empty(shape), np.empty(count))
         lights = np.zeros(count, int) if block.light is None else block.light
         for number in np.unique(lights):
@@ -217,13 +214,14 @@ class LitPhoto:
             part = uplift_table.uplift_signals(
                 self.prior, self.responses[number][seen], within[own][:, seen],
                 Errors(*(each[:, seen][..., seen] for each in errors)),
-                tolerance=pixel_errors.COARSE_TOLERANCE if coarse else TOLERANCE)
+                tolerance=pixel_errors.COARSE_TOLERANCE if coarse else mixture_posterior.TOLERANCE)
             for name, values in vars(whole).items():
                 values[own] = getattr(part, name)
         return whole
 
 
-def photo_spectra(photo: LitPhoto, plan: SpectraPlan, block: PhotoBlock) -> PhotoSpectra:
+def photo_spectra(photo: LitPhoto, plan: pixel_spectra.SpectraPlan,
+                  block: PhotoBlock) -> PhotoSpectra:
     """Spectra of a block, without those of pixels that have none.
 
     Parameters

@@ -9,8 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.capture.photo.image_writers import write_png
-from spectrabox.measure.pictures import lit_photo, picture_maps, pixel_spectra, spectra_files
-from spectrabox.measure.pictures.pixel_flags import HIGHLIGHT, SEEN
+from spectrabox.measure.pictures import (
+    lit_photo,
+    picture_maps,
+    pixel_flags,
+    pixel_spectra,
+    spectra_files,
+)
 from spectrabox.measure.records import PictureRecords
 from spectrabox.measure.shoot.options import PictureOptions
 from spectrabox.sampling.prior.local_posteriors import MAX_CENTRES
@@ -47,7 +52,7 @@ def write_picture(
                             lambda share: progress(table_share * share), pool.map)
     before = table_share if plan.tables else 0.0
     counts = np.zeros(3)        # beyond white, unlike, and the sum of standard deviations
-    reasons = np.zeros(HIGHLIGHT + 1)
+    reasons = np.zeros(pixel_flags.HIGHLIGHT + 1)
 
     with picture_maps.map_rows(folder, height, width, maps, reduced) as write_maps:
         def blocks() -> Iterator[tuple[int, int, tuple[np.ndarray, ...]]]:
@@ -57,7 +62,7 @@ def write_picture(
                     lambda block: lit_photo.photo_spectra(photo, plan, block)):
                 write_maps(first, spectra)
                 also(first, last, spectra)
-                seen = spectra.flags == SEEN
+                seen = spectra.flags == pixel_flags.SEEN
                 counts[:] += [(spectra.beyond_white & seen).sum(),
                               (spectra.novelty[seen] > 1).sum(),
                               spectra.standard_deviation.mean(axis=1)[seen].sum()]
@@ -70,11 +75,12 @@ def write_picture(
     for each in maps:
         write_png(folder / f"preview-{each.file}", picture_maps.reduced_picture(reduced, each))
     total = height * width
-    masked, beyond, novel = (np.array([total - reasons[SEEN], *counts[:2]]) / total).tolist()
+    masked, beyond, novel = (np.array([total - reasons[pixel_flags.SEEN], *counts[:2]])
+                             / total).tolist()
     return PictureRecords(
         (*layout.files(), *(each.file for each in maps)), tuple(each.title for each in maps),
         tuple(f"preview-{each.file}" for each in maps), (width, height), masked, beyond, novel,
-        reasons / total, float(counts[2] / max(reasons[SEEN], 1)))
+        reasons / total, float(counts[2] / max(reasons[pixel_flags.SEEN], 1)))
 
 
 def layout_of(section: PictureOptions) -> spectra_files.PictureLayout:

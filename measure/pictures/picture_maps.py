@@ -13,11 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.capture.photo.image_rows import png_rows
-from spectrabox.capture.photo.preview import encode_srgb8
-from spectrabox.measure.pictures.lit_photo import PhotoSpectra
-from spectrabox.measure.pictures.pixel_flags import COLOURS, SEEN
-from spectrabox.measure.pictures.spectra_files import DAYLIGHT, srgb_of_spectra
+from spectrabox.capture.photo import image_rows, preview
+from spectrabox.measure.pictures import lit_photo, pixel_flags, spectra_files
 from spectrabox.radiometry.system.words import file_stem
 
 BANDS_NM = (450, 500, 550, 600, 650)     # of which maps of their own are made
@@ -38,7 +35,7 @@ class Map:
     title: str
     file: str
     channels: int
-    values: Callable[[PhotoSpectra], np.ndarray]        # of n pixels to (n, channels)
+    values: Callable[[lit_photo.PhotoSpectra], np.ndarray]        # of n pixels to (n, channels)
     encoded: Callable[[np.ndarray], np.ndarray]         # (n, channels) to (n, 3) uint8
     flags: bool = False                                 # whether the values are flags
 
@@ -56,9 +53,9 @@ def maps_of(nm: np.ndarray, light: str | None, *, flags: bool) -> list[Map]:
         Whether one map shows why pixels have no spectrum.
     """
     maps = []
-    for name in dict.fromkeys((DAYLIGHT, *([light] if light else []))):
+    for name in dict.fromkeys((spectra_files.DAYLIGHT, *([light] if light else []))):
         maps.append(Map(f"Colour under {name}", f"colour-{file_stem(name)}.png", 3,
-                        partial(_weighted_mean, srgb_of_spectra(nm, name)), _srgb8))
+                        partial(_weighted_mean, spectra_files.srgb_of_spectra(nm, name)), _srgb8))
     for wavelength in BANDS_NM:
         at = [[np.interp(wavelength, nm, unit)] for unit in np.eye(nm.size)]
         maps.append(Map(f"Reflectance at {wavelength:g} nm", f"{wavelength:g}nm.png", 1,
@@ -71,8 +68,9 @@ def maps_of(nm: np.ndarray, light: str | None, *, flags: bool) -> list[Map]:
                  lambda spectra: spectra.novelty[:, None],
                  _coloured(NOVELTY_COLOURS, MAX_NOVELTY))]
     if flags:
-        maps.append(Map("Without a spectrum", MASK, 1, lambda spectra: spectra.flags[:, None],
-                        lambda values: COLOURS[values[:, 0].astype(np.uint8)], flags=True))
+        maps.append(
+            Map("Without a spectrum", MASK, 1, lambda spectra: spectra.flags[:, None],
+                lambda values: pixel_flags.COLOURS[values[:, 0].astype(np.uint8)], flags=True))
     return maps
 
 
@@ -114,14 +112,17 @@ class Reduced:
 
 @contextlib.contextmanager
 def map_rows(folder: Path, height: int, width: int, maps: Sequence[Map], reduced: Reduced
-             ) -> Iterator[Callable[[int, PhotoSpectra], None]]:
+             ) -> Iterator[Callable[[int, lit_photo.PhotoSpectra], None]]:
     """A function of (first row, spectra of some rows) that writes rows of all maps."""
     with contextlib.ExitStack() as files:
-        writers = {each.file: files.enter_context(png_rows(folder / each.file, height, width, 3))
-                   for each in maps}
+        writers = {
+            each.file: files.enter_context(image_rows.png_rows(folder / each.file, height, width,
+                                                               3))
+            for each in maps
+        }
 
-        def write(first: int, spectra: PhotoSpectra) -> None:
-            seen = spectra.flags == SEEN
+        def write(first: int, spectra: lit_photo.PhotoSpectra) -> None:
+            seen = spectra.flags == pixel_flags.SEEN
             of_maps = {}
             for each in maps:
                 values = each.values(spectra)
@@ -144,7 +145,7 @@ def reduced_picture(reduced: Reduced, of_map: Map) -> np.ndarray:
     return picture.reshape(*values.shape[:2], 3)
 
 
-def _weighted_mean(weights: np.ndarray, spectra: PhotoSpectra) -> np.ndarray:
+def _weighted_mean(weights: np.ndarray, spectra: lit_photo.PhotoSpectra) -> np.ndarray:
     """Mean spectra (n, P) times weights (P, channels)."""
     return np.asarray(spectra.mean @ weights)
 
@@ -157,7 +158,7 @@ def _srgb8(linear: np.ndarray) -> np.ndarray:
 
 @cache
 def _srgb_table() -> np.ndarray:
-    return encode_srgb8(np.linspace(0, 1, CODES**2))
+    return preview.encode_srgb8(np.linspace(0, 1, CODES**2))
 
 
 def _coloured(name: str, end: float) -> Callable[[np.ndarray], np.ndarray]:

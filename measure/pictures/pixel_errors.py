@@ -17,13 +17,11 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from spectrabox.measure.pictures import illumination
-from spectrabox.radiometry import error_model
-from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
+from spectrabox.radiometry import error_model, grid
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.spectra import CaptureStates, SurfaceSignals
-from spectrabox.sampling.prior.local_posteriors import informative_bands
+from spectrabox.sampling.prior import local_posteriors, mixture_posterior
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, reflectance_moments
-from spectrabox.sampling.prior.mixture_posterior import mean_and_spread, posterior
 
 EXPECTED = 0.01         # of white: error of the signals whose spectra the errors are evaluated at
 EXPECTED_AT_ONCE = 500
@@ -142,17 +140,18 @@ class PixelErrors:
         seen = np.ones(signals.shape[1], bool) if seen is None else seen
         spectra = np.empty((len(signals), PRIOR_GRID.nm.size))
         noise = of_seen(EXPECTED**2 * np.eye(signals.shape[1]), seen)
-        gain, response = informative_bands(reflectance_moments(self.prior)[1],
+        gain, response = local_posteriors.informative_bands(reflectance_moments(self.prior)[1],
                                            self.responses[light], noise)
         for start in range(0, len(signals), EXPECTED_AT_ONCE):
             some = signals[start:start + EXPECTED_AT_ONCE]
-            mixture = posterior(self.prior, response, some @ gain.T, gain @ noise @ gain.T,
-                                tolerance=COARSE_TOLERANCE)
-            spectra[start:start + len(some)] = mean_and_spread(mixture)[0]
+            mixture = mixture_posterior.posterior(self.prior, response, some @ gain.T,
+                                                  gain @ noise @ gain.T, tolerance=COARSE_TOLERANCE)
+            spectra[start:start + len(some)] = mixture_posterior.mean_and_spread(mixture)[0]
         surfaces = SurfaceSignals(
-            ("",) * len(signals), (False,) * len(signals), FINE_GRID,
-            spectra @ interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm).T, ("",) * seen.size,
-            self.photo_of_band, self.fine_responses[light], np.where(seen, signals, 0.0), ())
+            ("",) * len(signals), (False,) * len(signals), grid.FINE_GRID,
+            spectra @ grid.interpolation_matrix(PRIOR_GRID.nm, grid.FINE_GRID.nm).T,
+            ("",) * seen.size, self.photo_of_band, self.fine_responses[light],
+            np.where(seen, signals, 0.0), ())
         return np.sum([
             by_cause(self.calibrations[light], surfaces)
             for by_cause in (error_model.sensitivity_covariance, error_model.light_covariance,

@@ -18,15 +18,13 @@ from typing import Any, Protocol
 import numpy as np
 
 from spectrabox.capture.photo.image_rows import ROWS_PER_BLOCK
-from spectrabox.radiometry.error_model import Errors
-from spectrabox.radiometry.errors import InputError
-from spectrabox.sampling.prior import uplift_table
+from spectrabox.radiometry import error_model, errors
+from spectrabox.sampling.prior import mixture, uplift_table
 from spectrabox.sampling.prior.local_posteriors import (
     MAX_CENTRES,
     LocalPosteriors,
     local_posteriors,
 )
-from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 
 ABOVE_WHITE = 1.1       # of white: more than white's own error and the photo's noise
 MAX_ABOVE = 0.05        # of the pixels: lamps and highlights; where more are, white is another
@@ -60,7 +58,7 @@ class KeptWavelengths:
     @property
     def nm(self) -> tuple[np.ndarray, np.ndarray]:
         """Wavelengths (P,) of the mean and (Q,) of the standard deviation."""
-        return PRIOR_GRID.nm[self.mean], PRIOR_GRID.nm[self.deviation]
+        return mixture.PRIOR_GRID.nm[self.mean], mixture.PRIOR_GRID.nm[self.deviation]
 
 
 @dataclass(frozen=True)
@@ -81,7 +79,7 @@ class PixelSource(Protocol):
         """Height, width and number of bands K."""
 
     @property
-    def prior(self) -> LogitMixture:
+    def prior(self) -> mixture.LogitMixture:
         """Of the reflectances."""
 
     @property
@@ -99,7 +97,7 @@ class PixelSource(Protocol):
     def block(self, first: int, last: int) -> PixelBlock:
         """The pixels of rows ``first`` to ``last``."""
 
-    def table_errors(self, light: int, signals: np.ndarray) -> list[Errors]:
+    def table_errors(self, light: int, signals: np.ndarray) -> list[error_model.Errors]:
         """Errors of signals (n, K) under one light: one, or the smallest and the largest of the
         picture.
         """
@@ -135,8 +133,9 @@ def require_below_white(above: int, pixels: int, remedy: str) -> None:
     InputError
     """
     if above > MAX_ABOVE * pixels:
-        raise InputError(f"{above / pixels:.0%} of the pixels are brighter than a perfect white: "
-                         f"what white reads is not what was taken. {remedy}")
+        raise errors.InputError(
+            f"{above / pixels:.0%} of the pixels are brighter than a perfect white: "
+            f"what white reads is not what was taken. {remedy}")
 
 
 def row_blocks(height: int, width: int) -> list[tuple[int, int]]:

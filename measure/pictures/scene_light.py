@@ -11,15 +11,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import csr_array
 
-from spectrabox.measure.pictures import pixel_errors, pixel_flags
+from spectrabox.measure.pictures import (
+    lit_photo,
+    photo_white,
+    pixel_errors,
+    pixel_flags,
+    traced_photo,
+)
 from spectrabox.measure.pictures.crop import crop_photo
 from spectrabox.measure.pictures.illumination import illumination
-from spectrabox.measure.pictures.lit_photo import LitPhoto
-from spectrabox.measure.pictures.photo_white import compare_reference_surfaces
-from spectrabox.measure.pictures.traced_photo import TracedPhoto
-from spectrabox.radiometry.error_model import scale_covariances
-from spectrabox.radiometry.findings import Finding, Severity
-from spectrabox.radiometry.gloss import gloss_states
+from spectrabox.radiometry import error_model, findings, gloss
 from spectrabox.radiometry.records.calibration import Calibration, LightScale
 from spectrabox.reconstruct.agreement import BRIGHTEST_PERCENTILE
 from spectrabox.reconstruct.scene.surfaces import hits_of
@@ -39,21 +40,24 @@ DARK_LAMP = 1e-9            # of the lamp's strongest wavelength
 class SceneLight:
     """The light on the pixels, and how it converged."""
 
-    photo: LitPhoto
+    photo: lit_photo.LitPhoto
     scale: LightScale               # from the light to the signal of the photo
     spectra: np.ndarray             # (M, P) of the materials, by which light is coloured
     changes: tuple[float, ...]      # largest relative change of the light in each round
 
     @property
-    def finding(self) -> Finding:
+    def finding(self) -> findings.Finding:
         """Whether the light converged."""
         values = {"rounds": len(self.changes), "last": float(self.changes[-1])}
         if self.changes[-1] <= TOLERANCE:
-            return Finding("picture.light-converged", Severity.INFO, values=values)
-        return Finding("picture.light-not-converged", Severity.NOTE, values=values)
+            return findings.Finding("picture.light-converged", findings.Severity.INFO,
+                                    values=values)
+        return findings.Finding("picture.light-not-converged", findings.Severity.NOTE,
+                                values=values)
 
 
-def converge_light(scene: TracedPhoto, progress: Callable[[float], None]) -> SceneLight:
+def converge_light(scene: traced_photo.TracedPhoto, progress: Callable[[float],
+                                                                       None]) -> SceneLight:
     """The light on every pixel, with the spectra of the materials that the pixels themselves show.
 
     Parameters
@@ -92,8 +96,8 @@ class PixelSample:
     area: np.ndarray
 
 
-def _sample_pixels(scene: TracedPhoto, photo: LitPhoto, materials: Sequence[int],
-                   rng: np.random.Generator) -> PixelSample:
+def _sample_pixels(scene: traced_photo.TracedPhoto, photo: lit_photo.LitPhoto,
+                   materials: Sequence[int], rng: np.random.Generator) -> PixelSample:
     """Pixels spread evenly over the visible area of each material."""
     view, crop = scene.view, scene.crop
     assert photo.flags is not None
@@ -115,7 +119,7 @@ def _sample_pixels(scene: TracedPhoto, photo: LitPhoto, materials: Sequence[int]
     return PixelSample(np.repeat(materials, [place.size for place in places]), row, column, area)
 
 
-def mean_spectra(scene: TracedPhoto, photo: LitPhoto,
+def mean_spectra(scene: traced_photo.TracedPhoto, photo: lit_photo.LitPhoto,
                  sample: PixelSample) -> dict[int, np.ndarray]:
     """Mean (P,) of the spectra of each material's pixels, weighted by the light that they send on.
 
@@ -132,7 +136,7 @@ def mean_spectra(scene: TracedPhoto, photo: LitPhoto,
     weights = scene.traced.nodes.weights(sample.row, sample.column)
     alone = replace(whole, **{name: getattr(whole, name)[sample.row, sample.column][None]
                               for name in ("signal", "variance", "saturated")})
-    few = LitPhoto(alone, replace(photo.errors, between=lambda first, last: weights))
+    few = lit_photo.LitPhoto(alone, replace(photo.errors, between=lambda first, last: weights))
     block = few.block(0, 1, direct=True)
     mean = few.direct(block, coarse=True).mean
     light = (weights @ photo.errors.white.signal).mean(axis=1)
@@ -146,7 +150,8 @@ def mean_spectra(scene: TracedPhoto, photo: LitPhoto,
     return means
 
 
-def light_photo(scene: TracedPhoto, light: np.ndarray) -> tuple[LitPhoto, LightScale]:
+def light_photo(scene: traced_photo.TracedPhoto,
+                light: np.ndarray) -> tuple[lit_photo.LitPhoto, LightScale]:
     """The pixels under a light, and the light scale that makes it signals.
 
     Parameters
@@ -157,14 +162,14 @@ def light_photo(scene: TracedPhoto, light: np.ndarray) -> tuple[LitPhoto, LightS
     """
     view, nodes, crop = scene.view, scene.traced.nodes, scene.crop
     uneven = nodes.unevenness(light @ scene.to_signals.sum(axis=(0, 2)), MISPLACED_PX)
-    references = compare_reference_surfaces(scene, light, uneven < PENUMBRA_ERROR)
+    references = photo_white.compare_reference_surfaces(scene, light, uneven < PENUMBRA_ERROR)
     lighting = illumination(light, references.scale.value * scene.to_signals)
     white = lighting.white
     grey = np.maximum(white.mean(axis=1), 1e-30)
     bands = white.shape[1]
     ambient = scene.ambient * np.percentile(grey, BRIGHTEST_PERCENTILE) / grey
     common = scene.traced.relative_variance + uneven**2 + ambient**2
-    scale = sum(scale_covariances(scene.calibration, references.scale).values())
+    scale = sum(error_model.scale_covariances(scene.calibration, references.scale).values())
     log = scale + common[:, None, None] * np.ones((bands, bands))
     width = crop.columns.stop - crop.columns.start
 
@@ -177,7 +182,7 @@ def light_photo(scene: TracedPhoto, light: np.ndarray) -> tuple[LitPhoto, LightS
     errors = pixel_errors.PixelErrors(
         between, pixel_errors.White(np.maximum(white, 1e-30), log, np.zeros_like(log)), lighting,
         np.zeros(bands), np.outer(scene.veil, scene.veil),
-        gloss_states(scene.surface, [""] * bands), references.covariance,
+        gloss.gloss_states(scene.surface, [""] * bands), references.covariance,
         [(_calibration_under(scene, colour),) for colour in typical], np.zeros(bands, int),
         responses / responses.sum(axis=2, keepdims=True), scene.prior)
     flags = np.full(nodes.surface.shape, pixel_flags.SEEN, np.uint8)
@@ -185,11 +190,11 @@ def light_photo(scene: TracedPhoto, light: np.ndarray) -> tuple[LitPhoto, LightS
     flags[(uneven > PENUMBRA_ERROR)[region]] = pixel_flags.PENUMBRA
     flags[(lighting.maps == 0).all(axis=1)[region]] = pixel_flags.DARK
     flags[scene.edges | (region < 0) | scene.traced.lamp[region]] = pixel_flags.EDGE
-    return LitPhoto(crop_photo(view.photo, crop), errors, flags[crop.rows, crop.columns],
+    return lit_photo.LitPhoto(crop_photo(view.photo, crop), errors, flags[crop.rows, crop.columns],
                     highlights=True), references.scale
 
 
-def _calibration_under(scene: TracedPhoto, light: np.ndarray) -> Calibration:
+def _calibration_under(scene: traced_photo.TracedPhoto, light: np.ndarray) -> Calibration:
     """The calibration with the light (P,) that reaches a pixel in place of the lamp's own."""
     lamp, own = scene.view.light, scene.calibration.light
     factor = np.interp(own.grid.nm, scene.view.grid.nm,

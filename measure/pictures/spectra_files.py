@@ -27,9 +27,8 @@ from spectrabox.radiometry.appearance import TO_SRGB, adapted_tristimulus
 from spectrabox.radiometry.files import writable
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra import spectral_layers
-from spectrabox.radiometry.spectra.formats.envi import VALUES, envi_rows
+from spectrabox.radiometry.spectra.formats import envi, zarr_array
 from spectrabox.radiometry.spectra.formats.zarr_array import SUFFIX as ZARR
-from spectrabox.radiometry.spectra.formats.zarr_array import zarr_rows
 from spectrabox.radiometry.system.strips import WriteRows
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
@@ -62,7 +61,8 @@ class PictureLayout(pixel_spectra.KeptWavelengths):
     def files(self) -> tuple[str, ...]:
         """Names of all files, with those of the values of ENVI images."""
         names = tuple(path.name for path in self.paths(Path()).values())
-        return (*names, MEAN + VALUES, DEVIATION + VALUES) if self.form == "envi" else names
+        return (*names, MEAN + envi.VALUES,
+                DEVIATION + envi.VALUES) if self.form == "envi" else names
 
     @property
     def pixel_type(self) -> str:
@@ -146,11 +146,11 @@ def layer_rows(name: str, path: Path, size: tuple[int, int], layout: PictureLayo
     words = name.replace("_", " ") + (" of the" if name == DEVIATION else "")
     with contextlib.ExitStack() as stack:
         if layout.form == "envi":
-            yield stack.enter_context(envi_rows(path, *size, nm, QUANTITIES[name],
+            yield stack.enter_context(envi.envi_rows(path, *size, nm, QUANTITIES[name],
                                                 f"{words} reflectance of every pixel; {OF_WIDTH}",
                                                 float(pixel_spectra.GRID_STEP_NM)))
         elif layout.form == "zarr":
-            yield stack.enter_context(zarr_rows(path, *size, nm, half,
+            yield stack.enter_context(zarr_array.zarr_rows(path, *size, nm, half,
                                                 *zarr_facts(name, responses)))
         else:
             colours = "RGB" if name == MEAN else ""

@@ -12,17 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import csr_array
 
-from spectrabox.measure.pictures.illumination import even_light
-from spectrabox.measure.pictures.lit_photo import LitPhoto
-from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
-from spectrabox.measure.pictures.pixel_spectra import row_blocks
+from spectrabox.measure.pictures import illumination, lit_photo, pixel_errors, pixel_spectra
 from spectrabox.measure.pictures.shown_bands import shown_bands
 from spectrabox.measure.regions import flat_signals
 from spectrabox.measure.regions.white import FlatErrors, FlatPhoto, white_at_regions
+from spectrabox.radiometry import error_model, gloss, grid
 from spectrabox.radiometry.covariance import block_diagonal
-from spectrabox.radiometry.error_model import DISAGREEMENT
-from spectrabox.radiometry.gloss import gloss_states
-from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 
@@ -53,7 +48,7 @@ class _PhotoAtNodes:
 
 def stack_photos(photos: Sequence[PicturePhoto], between: Between,
                  known: Mapping[str, np.ndarray], errors: FlatErrors, surface: str | None,
-                 prior: LogitMixture) -> LitPhoto:
+                 prior: LogitMixture) -> lit_photo.LitPhoto:
     """All bands of some photos with the light on every pixel, as a source of pixels' signals.
 
     Parameters
@@ -95,21 +90,28 @@ def stack_photos(photos: Sequence[PicturePhoto], between: Between,
         ]
     disagreement = block_diagonal(*[errors.disagreement.among_bands(bands)] * len(parts))
     relative = disagreement + flat_signals.common_to_photos(
-        DISAGREEMENT, disagreement, white, lamps, errors.disagreement)
+        error_model.DISAGREEMENT, disagreement, white, lamps, errors.disagreement)
     response = np.vstack([flat[number].response for number in distinct])
     glare, photo_of_band = np.concatenate([part.glare for part in parts]), np.repeat(distinct,
                                                                                      bands)
     image = _stacked([part.image for part in parts])
-    return LitPhoto(image, PixelErrors(
-        between, White(np.hstack([part.white for part in parts]), log,
-                       _blocks([part.log_and_glare for part in parts])),
-        even_light(response @ interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm), nodes), glare,
-        block_diagonal(*(part.glare_covariance for part in parts)),
-        gloss_states(surface, lamps.tolist()), relative,
-        [[photo.calibration for photo in flat]], photo_of_band, response[None], prior),
-        shown=shown_bands(image, glare, photo_of_band, np.concatenate([
-            flat_signals.dark_bands(part.white[0]) | flat[number].lost_bands
-            for number, part in zip(distinct, parts, strict=True)])))
+    return lit_photo.LitPhoto(
+        image,
+        pixel_errors.PixelErrors(
+            between,
+            pixel_errors.White(np.hstack([part.white for part in parts]), log,
+                               _blocks([part.log_and_glare for part in parts])),
+            illumination.even_light(
+                response @ grid.interpolation_matrix(PRIOR_GRID.nm, grid.FINE_GRID.nm),
+                nodes), glare, block_diagonal(*(part.glare_covariance for part in parts)),
+            gloss.gloss_states(surface, lamps.tolist()), relative,
+            [[photo.calibration for photo in flat]], photo_of_band, response[None], prior),
+        shown=shown_bands(
+            image, glare, photo_of_band,
+            np.concatenate([
+                flat_signals.dark_bands(part.white[0]) | flat[number].lost_bands
+                for number, part in zip(distinct, parts, strict=True)
+            ])))
 
 
 def _at_nodes(each: PicturePhoto, known: Mapping[str, np.ndarray],
@@ -143,7 +145,7 @@ def _averaged(parts: Sequence[_PhotoAtNodes], between: Between) -> _PhotoAtNodes
     shape = first.image.signal.shape
     signal, variance = np.empty(shape, np.float32), np.empty(shape, np.float32)
     saturated = np.empty(shape, bool)
-    for start, end in row_blocks(*shape[:2]):
+    for start, end in pixel_spectra.row_blocks(*shape[:2]):
         weights = between(start, end)
         clipped = np.array([part.image.saturated[start:end].any(axis=2, keepdims=True)
                             for part in parts])

@@ -14,10 +14,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 from scipy.sparse import csr_array
 
-from spectrabox.measure.pictures.lit_photo import PhotoSpectra
-from spectrabox.measure.pictures.pixel_flags import SEEN
-from spectrabox.measure.pictures.pixel_spectra import KeptWavelengths
-from spectrabox.measure.pictures.traced_photo import TracedPhoto
+from spectrabox.measure.pictures import lit_photo, pixel_flags, pixel_spectra, traced_photo
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.reconstruct.scene.surfaces import hits_of
 
@@ -62,13 +59,14 @@ class TextureSums:
     kept : KeptWavelengths
     """
 
-    def __init__(self, scene: TracedPhoto, flags: np.ndarray, kept: KeptWavelengths) -> None:
+    def __init__(self, scene: traced_photo.TracedPhoto, flags: np.ndarray,
+                 kept: pixel_spectra.KeptWavelengths) -> None:
         crop, view = scene.crop, scene.view
         self.findings: tuple[Finding, ...] = ()
         surface = scene.traced.nodes.surface[crop.rows, crop.columns]
         unknown = [number for number, name in enumerate(view.surface_materials)
                    if name not in view.known]
-        row, column = np.nonzero(np.isin(surface, unknown) & (flags == SEEN))
+        row, column = np.nonzero(np.isin(surface, unknown) & (flags == pixel_flags.SEEN))
         hits = hits_of(scene.unit.scene, view.size, row + crop.rows.start,
                        column + crop.columns.start)
         surface_of = surface[row, column]
@@ -102,10 +100,10 @@ class TextureSums:
             self.findings = (Finding("picture.no-texture", Severity.NOTE,
                                      values={"names": shared}),)
 
-    def add(self, first: int, last: int, spectra: PhotoSpectra) -> None:
+    def add(self, first: int, last: int, spectra: lit_photo.PhotoSpectra) -> None:
         """Add the spectra of rows ``first`` to ``last``."""
         texel = self._texel[first:last].ravel()
-        some = np.flatnonzero((texel >= 0) & (spectra.flags == SEEN))
+        some = np.flatnonzero((texel >= 0) & (spectra.flags == pixel_flags.SEEN))
         texels, inverse, count = np.unique(texel[some], return_inverse=True, return_counts=True)
         of_texel = csr_array((np.ones(some.size, np.float32), (inverse, some)),
                              (texels.size, texel.size))

@@ -12,9 +12,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
-from spectrabox.measure.pictures import spectra_files
-from spectrabox.measure.pictures.pixel_spectra import row_blocks
-from spectrabox.measure.pictures.surface_textures import SurfaceTexture
+from spectrabox.measure.pictures import pixel_spectra, spectra_files, surface_textures
 from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.system.words import file_stem
 from spectrabox.reconstruct.rendering.renderer import NAME
@@ -22,8 +20,8 @@ from spectrabox.reconstruct.rendering.renderer import NAME
 XML = "textures.xml"
 
 
-def write_textures(textures: Iterable[SurfaceTexture], layout: spectra_files.PictureLayout,
-                   folder: Path) -> tuple[str, ...]:
+def write_textures(textures: Iterable[surface_textures.SurfaceTexture],
+                   layout: spectra_files.PictureLayout, folder: Path) -> tuple[str, ...]:
     """Write textures, and the BSDFs that name them.
 
     Parameters
@@ -47,7 +45,7 @@ def write_textures(textures: Iterable[SurfaceTexture], layout: spectra_files.Pic
                                  (spectra_files.DEVIATION, texture.standard_deviation,
                                   f"{stem}-{spectra_files.DEVIATION}.exr")):
             with spectra_files.layer_rows(name, folder / file, texture.shape, layout) as write:
-                for first, last in row_blocks(*texture.shape):
+                for first, last in pixel_spectra.row_blocks(*texture.shape):
                     write(first, rows(first, last))
             files.append(file)
         bsdf = ET.SubElement(root, "bsdf", type="diffuse",

@@ -11,10 +11,8 @@ import numpy as np
 
 from spectrabox.capture.photo.image_rows import PictureRows
 from spectrabox.measure.pictures import pixel_spectra
-from spectrabox.radiometry.error_model import Errors
-from spectrabox.radiometry.errors import InputError
-from spectrabox.sampling.prior import uplift_table
-from spectrabox.sampling.prior.mixture import LogitMixture
+from spectrabox.radiometry import error_model, errors
+from spectrabox.sampling.prior import mixture, uplift_table
 from spectrabox.sampling.spectral_measurement import check_bands
 
 MAX_NOISE = 0.5     # relative: beyond, a signal says next to nothing
@@ -27,7 +25,7 @@ class ImageSource:
     image: PictureRows
     white: np.ndarray               # (K,)
     relative_response: np.ndarray   # (K, 61), rows summing to 1
-    prior: LogitMixture
+    prior: mixture.LogitMixture
     noise: float                    # relative standard error of every band
     table_side: int
 
@@ -35,15 +33,17 @@ class ImageSource:
 
     def __post_init__(self) -> None:
         if not 0 <= self.noise < MAX_NOISE:
-            raise InputError(f"the noise of a pixel, {self.noise:g}, is relative to its signal: 0 "
-                             f"to {MAX_NOISE:g} is needed, and 0.01 is 1 %")
+            raise errors.InputError(
+                f"the noise of a pixel, {self.noise:g}, is relative to its signal: 0 "
+                f"to {MAX_NOISE:g} is needed, and 0.01 is 1 %")
         if self.white.shape != (len(self.relative_response),):
-            raise InputError(f"white of shape {self.white.shape} was given for "
+            raise errors.InputError(f"white of shape {self.white.shape} was given for "
                              f"{len(self.relative_response)} bands; give what a perfect white "
                              "reads in each")
         if not np.all(self.white > 0):
-            raise InputError(f"the white {self.white.tolist()} is not positive in every band; give "
-                             "what a perfect white reads")
+            raise errors.InputError(
+                f"the white {self.white.tolist()} is not positive in every band; give "
+                "what a perfect white reads")
 
     @property
     def size(self) -> tuple[int, int, int]:
@@ -60,7 +60,7 @@ class ImageSource:
         signals = self.image.read(first, last) / self.white
         return pixel_spectra.PixelBlock(signals.reshape(-1, self.image.bands), None, None)
 
-    def table_errors(self, light: int, signals: np.ndarray) -> list[Errors]:
+    def table_errors(self, light: int, signals: np.ndarray) -> list[error_model.Errors]:
         """Errors of signals (n, K)."""
         return [uplift_table.relative_errors(signals, self.noise)]
 
@@ -71,7 +71,7 @@ class ImageSource:
                               uplift_table.relative_errors(signals, self.noise))
 
 
-def uplift_image(image: np.ndarray, relative_response: np.ndarray, prior: LogitMixture,
+def uplift_image(image: np.ndarray, relative_response: np.ndarray, prior: mixture.LogitMixture,
                  noise: float = 0.01, *, white: np.ndarray | None = None,
                  kept: pixel_spectra.KeptWavelengths | None = None, side: int = uplift_table.SIDE,
                  progress: uplift_table.Progress = lambda share: None,
@@ -136,7 +136,7 @@ def require_bands(bands: int, relative_response: np.ndarray) -> None:
     InputError
     """
     if bands != len(relative_response):
-        raise InputError(f"the image has {bands} bands and the sensitivities "
+        raise errors.InputError(f"the image has {bands} bands and the sensitivities "
                          f"{len(relative_response)}")
     check_bands(relative_response)
 
@@ -149,4 +149,4 @@ def require_side(side: int) -> None:
     InputError
     """
     if side < 3 or side % 2 == 0:
-        raise InputError(f"--side {side} is not odd and at least 3")
+        raise errors.InputError(f"--side {side} is not odd and at least 3")

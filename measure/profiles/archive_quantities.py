@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.calibrate import colour_profile
-from spectrabox.radiometry.appearance import ciede2000, lab_from_xyz
-from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry import appearance, grid
 from spectrabox.radiometry.records.photos import PatchSamples
 
 SOURCE = "https://skandalski.pl/tabela-fadgi-iso-metamorfoze/"
@@ -61,7 +60,7 @@ class ChartColours:
     @property
     def differences(self) -> np.ndarray:
         """CIEDE2000 (I,)."""
-        return ciede2000(self.lab, self.reference)
+        return appearance.ciede2000(self.lab, self.reference)
 
 
 def chart_colours(samples: PatchSamples, white: np.ndarray, glare: np.ndarray,
@@ -94,7 +93,7 @@ def chart_colours(samples: PatchSamples, white: np.ndarray, glare: np.ndarray,
     kept = np.flatnonzero(shown)
     return ChartColours(
         tuple(names[index] for index in kept), transform.lab(signals),
-        lab_from_xyz(reflectances[shown] @ colour_profile.d50_weights(FINE_GRID).T,
+        appearance.lab_from_xyz(reflectances[shown] @ colour_profile.d50_weights(grid.FINE_GRID).T,
                      colour_profile.D50), np.sqrt(variance * samples.pixels[shown]),
         tuple(int(np.flatnonzero(kept == index)[0]) for index in neutrals if index in kept),
         None if own is None else own.lab(signals))

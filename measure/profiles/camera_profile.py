@@ -17,15 +17,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.calibrate import colour_profile
-from spectrabox.calibrate.chart_calibration import ChartCalibration
-from spectrabox.calibrate.chart_copy import COPY_ERROR
-from spectrabox.calibrate.chart_equations import PatchError, field_terms
-from spectrabox.calibrate.chart_photo import ChartPhoto
+from spectrabox.calibrate import (
+    chart_calibration,
+    chart_copy,
+    chart_equations,
+    chart_photo,
+    colour_profile,
+    sensitivity,
+    trust,
+)
 from spectrabox.calibrate.prior.camera_prior import prior_about
 from spectrabox.calibrate.products.lamps import draw_cameras
-from spectrabox.calibrate.sensitivity import CHART_ERROR
-from spectrabox.calibrate.trust import LABORATORY
 from spectrabox.measure.profiles.colour_profile import (
     FRESH,
     MATRIX_DEGREE,
@@ -34,14 +36,11 @@ from spectrabox.measure.profiles.colour_profile import (
     response_of_calibration,
     response_of_curves,
 )
-from spectrabox.radiometry.appearance import ciede2000, lab_from_xyz
-from spectrabox.radiometry.colour_science import aces_idt
+from spectrabox.radiometry import appearance, colour_science, profile_files
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
-from spectrabox.radiometry.profile_files import aces_from_d50
 from spectrabox.radiometry.records.spectra import Spectrum, WavelengthGrid
-from spectrabox.radiometry.spectra.named_spectra import test_reflectances
-from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
+from spectrabox.radiometry.spectra import named_spectra, spectrum_files
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
 FITTED_SET, FRESH_SET = "BabelColor Average", "CES99"   # the second is never seen by the fit
@@ -105,7 +104,7 @@ def camera_matrices(curves: np.ndarray, grid: WavelengthGrid, idt_light: str,
         Of the curves, for the spread of every number.
     """
     each = () if draws is None else tuple(draws)
-    sets = test_reflectances(grid)
+    sets = named_spectra.test_reflectances(grid)
     targets = {
         name: colour_profile.target(name, grid, sets[FITTED_SET],
                                     (sets[FITTED_SET], sets[FRESH_SET]))
@@ -116,9 +115,9 @@ def camera_matrices(curves: np.ndarray, grid: WavelengthGrid, idt_light: str,
          for name, aim in targets.items()}, {
              name: tuple(colour_profile.matrices(draw, aim) for draw in each)
              for name, aim in targets.items()
-         }, aces_idt(grid.nm, curves, idt_light),
-        tuple(aces_idt(grid.nm, draw, idt_light) for draw in each[:MAX_IDT_DRAWS]), idt_light,
-        len(each))
+         }, colour_science.aces_idt(grid.nm, curves, idt_light),
+        tuple(colour_science.aces_idt(grid.nm, draw, idt_light) for draw in each[:MAX_IDT_DRAWS]),
+        idt_light, len(each))
 
 
 @dataclass(frozen=True)
@@ -213,7 +212,7 @@ class ComparedMatrices:
         return "\n".join(lines)
 
 
-def compare_matrices(calibration: ChartCalibration, photo: ChartPhoto,
+def compare_matrices(calibration: chart_calibration.ChartCalibration, photo: chart_photo.ChartPhoto,
                      measured: np.ndarray | None = None, seed: int = 0) -> ComparedMatrices:
     """Matrices by measured curves, by fitted ones and by the photographed chart.
 
@@ -249,10 +248,13 @@ def compare_matrices(calibration: ChartCalibration, photo: ChartPhoto,
     shown = shown[used]
     signals = {name: (patches @ response.T, patches @ draws.swapaxes(1, 2))
                for name, (response, draws) in responses.items()}
-    signals[PHOTOGRAPHED] = (shown, _as_they_may_be(
-        shown, calibration, COPY_ERROR if photo.editions else CHART_ERROR, balance_error, rng))
+    signals[PHOTOGRAPHED] = (shown,
+                             _as_they_may_be(
+                                 shown, calibration, chart_copy.COPY_ERROR if photo.editions else
+                                 sensitivity.CHART_ERROR, balance_error, rng))
 
-    to_xyz, fresh = colour_profile.d50_weights(PRIOR_GRID).T, test_reflectances(PRIOR_GRID)[FRESH]
+    to_xyz, fresh = colour_profile.d50_weights(PRIOR_GRID).T, named_spectra.test_reflectances(
+        PRIOR_GRID)[FRESH]
     xyz, seen = patches @ to_xyz, fresh @ judging.T
     rows: list[ComparedMatrix] = []
     others: np.ndarray | None = None
@@ -260,43 +262,47 @@ def compare_matrices(calibration: ChartCalibration, photo: ChartPhoto,
         central = colour_profile.transform_of_signals(of_source, xyz, MATRIX_DEGREE)
         each = [colour_profile.transform_of_signals(one, xyz, MATRIX_DEGREE) for one in draws]
         others = central.lab(seen) if others is None else others
-        rows.append(ComparedMatrix(
-            name, _with_spread(central, each, np.eye(3)),
-            _with_spread(central, each, aces_from_d50()),
-            _colour_errors(central, each, shown, lab_from_xyz(xyz, colour_profile.D50)),
-            _colour_errors(central, each, seen, lab_from_xyz(fresh @ to_xyz, colour_profile.D50)),
-            float(ciede2000(central.lab(seen), others).mean())))
+        rows.append(
+            ComparedMatrix(
+                name, _with_spread(central, each, np.eye(3)),
+                _with_spread(central, each, profile_files.aces_from_d50()),
+                _colour_errors(central, each, shown,
+                               appearance.lab_from_xyz(xyz, colour_profile.D50)),
+                _colour_errors(central, each, seen,
+                               appearance.lab_from_xyz(fresh @ to_xyz, colour_profile.D50)),
+                float(appearance.ciede2000(central.lab(seen), others).mean())))
     return ComparedMatrices(tuple(rows), judge)
 
 
-def _measured_response(curves: np.ndarray, photo: ChartPhoto, rng: np.random.Generator
+def _measured_response(curves: np.ndarray, photo: chart_photo.ChartPhoto, rng: np.random.Generator
                        ) -> tuple[np.ndarray, np.ndarray]:
     """Response (3, 61) of measured curves, and draws of it as laboratories differ."""
     if not isinstance(photo.light, Spectrum):
         raise InputError(f"the photo has an {photo.light.words}, under which measured curves give "
                          "no signals; state its spectrum")
-    power = spectrum_on_grid(photo.light, FINE_GRID)
-    prior = prior_about(FINE_GRID, curves, LABORATORY, "measured curves")
+    power = spectrum_files.spectrum_on_grid(photo.light, FINE_GRID)
+    prior = prior_about(FINE_GRID, curves, trust.LABORATORY, "measured curves")
     drawn = draw_cameras(prior, DRAWS, rng) @ interpolation_matrix(prior.nm, FINE_GRID.nm).T
     return (response_of_curves(curves, power, FINE_GRID),
             response_of_curves(drawn, power, FINE_GRID))
 
 
-def _as_they_may_be(signals: np.ndarray, calibration: ChartCalibration, chart_error: float,
-                    balance_error: float, rng: np.random.Generator) -> np.ndarray:
+def _as_they_may_be(signals: np.ndarray, calibration: chart_calibration.ChartCalibration,
+                    chart_error: float, balance_error: float,
+                    rng: np.random.Generator) -> np.ndarray:
     """Draws (T, n, 3) of photographed signals, as far as patches and model disagree in the fit, as
     levels of patches differ from chart to chart, and as greys are not quite grey.
     """
     fit = calibration.prior_fit
-    error = PatchError(0.0) if fit is None else fit.patch_error
+    error = chart_equations.PatchError(0.0) if fit is None else fit.patch_error
     return np.asarray(signals * np.exp(
         error.own * rng.standard_normal((DRAWS, *signals.shape))
         + np.hypot(error.common, chart_error) * rng.standard_normal((DRAWS, len(signals), 1))
         + balance_error * rng.standard_normal((DRAWS, 1, 3))))
 
 
-def photographed_signals(calibration: ChartCalibration, photo: ChartPhoto
-                         ) -> tuple[np.ndarray, float]:
+def photographed_signals(calibration: chart_calibration.ChartCalibration,
+                         photo: chart_photo.ChartPhoto) -> tuple[np.ndarray, float]:
     """Signals (I, 3) of a photographed chart relative to white: glare off, the light made even as
     the fit found it, and balanced by the chart's neutral patches; and the relative error of that
     balance, by how far X, Y and Z of these are from grey.
@@ -316,7 +322,7 @@ def photographed_signals(calibration: ChartCalibration, photo: ChartPhoto
     if white is not None:
         signal = signal - white.glare
         if white.field.size:
-            lit = lit * np.exp(field_terms(photo.chart.centres_uv) @ white.field)
+            lit = lit * np.exp(chart_equations.field_terms(photo.chart.centres_uv) @ white.field)
     signal = signal / lit[:, None]
     neutrals = [patch for patch in photo.chart.neutrals
                 if photo.used[patch] and not photo.samples.clipped[patch].any()]
@@ -341,6 +347,6 @@ def _colour_errors(central: colour_profile.ColourTransform,
                    truth: np.ndarray) -> tuple[Spread, Spread]:
     """Mean and high percentile of CIEDE2000 against L*, a*, b* (n, 3), with their spreads."""
     figures = [(float(errors.mean()), float(np.percentile(errors, PERCENTILE))) for errors in (
-        ciede2000(one.lab(signals), truth) for one in (central, *each))]
+        appearance.ciede2000(one.lab(signals), truth) for one in (central, *each))]
     mean, high = (spread_over(value, drawn) for value, *drawn in zip(*figures, strict=True))
     return mean, high

@@ -23,13 +23,10 @@ from spectrabox.calibrate.colour_profile import (
 )
 from spectrabox.measure.pictures.crop import crop_of, node_grid
 from spectrabox.measure.regions.white import FlatErrors, FlatPhoto, white_at_regions
-from spectrabox.radiometry.error_model import curve_errors, light_errors
+from spectrabox.radiometry import error_model, interreflection, profile_files
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
-from spectrabox.radiometry.interreflection import relative_response
-from spectrabox.radiometry.profile_files import LabSpace, RgbSpace
+from spectrabox.radiometry.records import photos, spectra
 from spectrabox.radiometry.records.calibration import Calibration
-from spectrabox.radiometry.records.photos import LinearImage
-from spectrabox.radiometry.records.spectra import WavelengthGrid
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.sampling.prior import mixture
 
@@ -146,9 +143,10 @@ def response_of_calibration(calibration: Calibration
     ----------
     calibration : Calibration
     """
-    response = relative_response(calibration, FINE_GRID)
-    errors = curve_errors(calibration, FINE_GRID).together_with(
-        light_errors(calibration, FINE_GRID, response)).at(mixture.PRIOR_GRID.nm, FINE_GRID)
+    response = interreflection.relative_response(calibration, FINE_GRID)
+    errors = error_model.curve_errors(calibration, FINE_GRID).together_with(
+        error_model.light_errors(calibration, FINE_GRID,
+                                 response)).at(mixture.PRIOR_GRID.nm, FINE_GRID)
     on_prior = response @ interpolation_matrix(mixture.PRIOR_GRID.nm, FINE_GRID.nm)
     count = errors.by_spectrum.shape[2]
     if count == 0:
@@ -157,7 +155,8 @@ def response_of_calibration(calibration: Calibration
     return on_prior, _relative(on_prior + np.einsum("kpe,te->tkp", errors.by_spectrum, parts))
 
 
-def response_of_curves(curves: np.ndarray, power: np.ndarray, grid: WavelengthGrid) -> np.ndarray:
+def response_of_curves(curves: np.ndarray, power: np.ndarray,
+                       grid: spectra.WavelengthGrid) -> np.ndarray:
     """Response (..., 3, 61) on ``PRIOR_GRID`` of curves (..., 3, P) under a light (P,)."""
     weights = curves * power * grid.weights_nm
     return _relative(weights @ interpolation_matrix(mixture.PRIOR_GRID.nm, grid.nm))
@@ -183,7 +182,7 @@ COLUMNS = 24                # of the nodes at which white is computed
 ROWS = 128                  # that are converted at once
 
 
-def relative_signals(photo: LinearImage, lit: FlatPhoto, known: Mapping[str, np.ndarray],
+def relative_signals(photo: photos.LinearImage, lit: FlatPhoto, known: Mapping[str, np.ndarray],
                      errors: FlatErrors) -> Iterator[np.ndarray]:
     """Signals (rows, W, K) relative to white at each pixel, some rows at a time.
 
@@ -209,8 +208,9 @@ def relative_signals(photo: LinearImage, lit: FlatPhoto, known: Mapping[str, np.
         yield (rows - glare) / there.reshape(rows.shape)
 
 
-def colour_picture(signals: Iterator[np.ndarray], transform: ColourTransform,
-                   space: RgbSpace | LabSpace) -> tuple[np.ndarray, float]:
+def colour_picture(
+        signals: Iterator[np.ndarray], transform: ColourTransform,
+        space: profile_files.RgbSpace | profile_files.LabSpace) -> tuple[np.ndarray, float]:
     """Code values (H, W, 3) uint16 of a picture, and the share of its pixels that were clipped.
 
     Parameters

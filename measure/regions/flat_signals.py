@@ -10,17 +10,13 @@ import numpy as np
 from spectrabox.calibrate.chart_equations import PatchError
 from spectrabox.measure.regions.moved_lamp import gloss_and_level
 from spectrabox.measure.regions.white import FlatErrors, FlatPhoto, PhotoWhite, white_at_regions
-from spectrabox.measure.surfaces.surface_signals import measurement, with_errors
-from spectrabox.measure.surfaces.surface_spectra import DrawOptions, sample_surfaces
-from spectrabox.radiometry import error_model
+from spectrabox.measure.surfaces import surface_signals, surface_spectra
+from spectrabox.radiometry import error_model, gloss, grid
 from spectrabox.radiometry.errors import CheckError
-from spectrabox.radiometry.gloss import SAME_SURFACE, gloss_states
-from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.records.photos import RegionEdge, RegionSamples
 from spectrabox.radiometry.records.spectra import SurfaceSignals, SurfaceSpectrum
+from spectrabox.sampling.prior import mixture_posterior, signal_posterior
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
-from spectrabox.sampling.prior.mixture_posterior import mean_and_spread, posterior
-from spectrabox.sampling.prior.signal_posterior import SignalPosterior, solve_posterior
 
 # of the brightest band of a photo: below it the black level and stray light are most of a signal
 DARK_BAND = 0.01
@@ -34,7 +30,7 @@ USUAL_VEIL, UNEVEN_VEIL = 0.03, 0.3
 # whose errors grow with the distance from the chart (benchmarks/bench_light_field.py); what a
 # surface mirrors is half its own, half the lamp's position.
 SHARED_BY_PHOTOS = {
-    error_model.SAMPLE_PLANE: (1.0, 0.0), error_model.SURFACE_REFLECTION: (1.0, SAME_SURFACE),
+    error_model.SAMPLE_PLANE: (1.0, 0.0), error_model.SURFACE_REFLECTION: (1.0, gloss.SAME_SURFACE),
     error_model.LIGHT_FIELD: (0.95, 0.6)
 }
 
@@ -110,11 +106,11 @@ def flat_signals(photos: Sequence[FlatPhoto], whites: Sequence[PhotoWhite | None
     moved = any(photos[number].moved for number in distinct)
     states = tuple(gloss_and_level(errors.surfaces.get(name), signal[index], lamp_of_band,
                                    causes[error_model.SAMPLE_PLANE][index]) if moved
-                   else gloss_states(errors.surfaces.get(name), lamp_of_band)
+                   else gloss.gloss_states(errors.surfaces.get(name), lamp_of_band)
                    for index, name in enumerate(names))
     if moved:
         del causes[error_model.SAMPLE_PLANE]        # it is the level of the states
-    signals = SurfaceSignals(names, tuple(name in known for name in names), FINE_GRID, spectra,
+    signals = SurfaceSignals(names, tuple(name in known for name in names), grid.FINE_GRID, spectra,
                              labels, np.repeat(distinct, count), response, signal, (), states)
     filled = dataclasses.replace(signals, signal=np.nan_to_num(signal))
     calibrations = [photo.calibration for photo in photos]
@@ -122,7 +118,7 @@ def flat_signals(photos: Sequence[FlatPhoto], whites: Sequence[PhotoWhite | None
     causes[error_model.LIGHT_SPECTRUM] = error_model.light_covariance(calibrations, filled)
     if any(calibration.filter is not None for calibration in calibrations):
         causes[error_model.FILTER] = error_model.filter_covariance(calibrations, filled)
-    return with_errors(signals, causes)
+    return surface_signals.with_errors(signals, causes)
 
 
 def errors_of_region(name: str, shown: Sequence[tuple[FlatPhoto, PhotoWhite]],
@@ -224,10 +220,11 @@ def _expected_spectrum(families: Sequence[str], response: np.ndarray,
                        signal: np.ndarray) -> np.ndarray:
     """The spectrum (P,) that the learnt prior expects behind a signal (J,)."""
     seen = np.isfinite(signal)
-    coarse = response[seen] @ interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm)
-    mixture = posterior(of_families(load_prior(), families), coarse, signal[None, seen],
-                        EXPECTED**2 * np.eye(int(seen.sum())))
-    return np.interp(FINE_GRID.nm, PRIOR_GRID.nm, mean_and_spread(mixture)[0][0])
+    coarse = response[seen] @ grid.interpolation_matrix(PRIOR_GRID.nm, grid.FINE_GRID.nm)
+    mixture = mixture_posterior.posterior(of_families(load_prior(), families), coarse,
+                                          signal[None, seen], EXPECTED**2 * np.eye(int(seen.sum())))
+    return np.interp(grid.FINE_GRID.nm, PRIOR_GRID.nm,
+                     mixture_posterior.mean_and_spread(mixture)[0][0])
 
 
 def first_alike(photos: Sequence[FlatPhoto]) -> list[int]:
@@ -261,14 +258,16 @@ class RegionSignal:
     scatter: float                  # of pixels beyond noise and even light, in the worst band
     edge: RegionEdge | None         # across its pixels, in the first photo that shows one
 
-    def posterior(self, families: Sequence[str]) -> SignalPosterior:
+    def posterior(self, families: Sequence[str]) -> signal_posterior.SignalPosterior:
         """Every spectrum behind it in closed form, for a surface that is said to be of families."""
-        return solve_posterior(of_families(load_prior(), families), measurement(self.signals, 0))
+        return signal_posterior.solve_posterior(of_families(load_prior(), families),
+                                                surface_signals.measurement(self.signals, 0))
 
-    def spectrum(self, families: Sequence[str], options: DrawOptions) -> SurfaceSpectrum:
+    def spectrum(self, families: Sequence[str],
+                 options: surface_spectra.DrawOptions) -> SurfaceSpectrum:
         """The spectrum as a run draws it, whose seed is that of the run plus the region's index."""
         name = self.signals.names[0]
-        return sample_surfaces(self.signals, options, {name: families},
+        return surface_spectra.sample_surfaces(self.signals, options, {name: families},
                                lambda done, what: None)[name]
 
 

@@ -15,8 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc
 
-from spectrabox.radiometry.error_model import SAMPLE_PLANE
-from spectrabox.radiometry.findings import Finding, Severity
+from spectrabox.radiometry import error_model, findings
 from spectrabox.radiometry.gloss import gloss_states
 from spectrabox.radiometry.records import spectra
 
@@ -83,7 +82,7 @@ def _level(pattern: np.ndarray, usual: np.ndarray) -> spectra.CaptureStates:
     off = np.vstack([np.zeros(count), np.eye(count), np.ones(count)])
     return spectra.CaptureStates(
         tuple(LEVEL if number == 0 else f"{LEVEL} {number + 1}" for number in range(count)),
-        (SAMPLE_PLANE,) * count, pattern, np.full(count, -1.0), ("",) * len(off),
+        (error_model.SAMPLE_PLANE,) * count, pattern, np.full(count, -1.0), ("",) * len(off),
         np.r_[1 - OFF_IN_ONE - OFF_IN_ALL, np.full(count, OFF_IN_ONE / count), OFF_IN_ALL],
         DARKER * off, np.array([np.diag(usual + row * OFF**2) for row in off]))
 
@@ -127,7 +126,7 @@ def found_in_places(signals: spectra.SurfaceSignals, index: int,
 
 
 def differences_of_photos(signals: spectra.SurfaceSignals,
-                          photos: Sequence[str]) -> tuple[Finding, ...]:
+                          photos: Sequence[str]) -> tuple[findings.Finding, ...]:
     """Samples that differ between photos with the lamp in two places, each with the likely cause.
 
     Parameters
@@ -158,7 +157,7 @@ def _pairs(signals: spectra.SurfaceSignals, index: int) -> Iterator[tuple[np.nda
 
 
 def _compared(signals: spectra.SurfaceSignals, index: int, name: str, first: np.ndarray,
-              other: np.ndarray, photos: Sequence[str]) -> Iterator[Finding]:
+              other: np.ndarray, photos: Sequence[str]) -> Iterator[findings.Finding]:
     """What the difference of a sample's signals in two photos says, if anything."""
     states, signal = signals.states[index], signals.signal[index]
     contrast = np.zeros((first.size, signal.size))
@@ -194,22 +193,22 @@ def _compared(signals: spectra.SurfaceSignals, index: int, name: str, first: np.
         left = difference - brighter
         if chdtrc(first.size - 1, left @ np.linalg.solve(noise, left)) > CONTRADICTION:
             more, less = (one, two) if brighter > 0 else (two, one)
-            yield Finding("lamp.image-mirrored", Severity.NOTE, name, {
+            yield findings.Finding("lamp.image-mirrored", findings.Severity.NOTE, name, {
                 "share": abs(brighter), "more": more, "less": less})
             return
         worst = int(np.argmax(np.abs(difference / signal[other])))
-        yield Finding("lamp.unexplained", Severity.NOTE, name, {
+        yield findings.Finding("lamp.unexplained", findings.Severity.NOTE, name, {
             "off": float(difference[worst] / signal[other][worst]),
             "band": signals.bands[first[worst]], "one": one, "other": two})
         return
     if abs(mean[0]) > max(NAMED_GLOSS, SURE * error[0]):
         more, less = (one, two) if mean[0] > 0 else (two, one)
-        yield Finding("lamp.gloss", Severity.NOTE, name, {
+        yield findings.Finding("lamp.gloss", findings.Severity.NOTE, name, {
             "share": float(abs(mean[0])), "error": float(error[0]), "more": more, "less": less})
     usual = np.sqrt(wanted[1] @ states.covariances[0] @ wanted[1])
     if abs(mean[1]) > max(NAMED_LEVEL, SURE * usual, SURE * error[1]):
         dark, right = (one, two) if mean[1] < 0 else (two, one)
-        yield Finding("lamp.darker", Severity.NOTE, name, {
+        yield findings.Finding("lamp.darker", findings.Severity.NOTE, name, {
             "share": float(abs(mean[1])), "error": float(error[1]), "dark": dark,
             "right": right})
 

@@ -11,14 +11,10 @@ from functools import cached_property
 
 import numpy as np
 
-from spectrabox.capture.photo.preview import thumbnail
-from spectrabox.capture.photo.regions import sample_regions
-from spectrabox.capture.photo.registration import find_edges
-from spectrabox.measure import captured
-from spectrabox.measure.opened_photos import OpenPhotos
+from spectrabox.capture.photo import preview, regions, registration
+from spectrabox.measure import captured, opened_photos
 from spectrabox.measure.records import CaptureRecords, PhotoRecords
-from spectrabox.measure.regions.flat_signals import RegionSignal, signal_of_region
-from spectrabox.measure.regions.white import FlatErrors, FlatPhoto
+from spectrabox.measure.regions import flat_signals, white
 from spectrabox.measure.steps.photos import PHOTO_THUMBNAIL_WIDTH as THUMBNAIL_WIDTH
 from spectrabox.measure.steps.photos import outlines_in, registration_of
 from spectrabox.measure.steps.signals import flat_errors, flat_photos
@@ -32,7 +28,7 @@ from spectrabox.sampling.prior.signal_posterior import SignalPosterior
 class CalibratedPhotos:
     """Photos and calibration of flat samples, without their regions."""
 
-    photos: list[FlatPhoto]
+    photos: list[white.FlatPhoto]
     images: Mapping[str, LinearImage]       # whole, by view
     records: CaptureRecords
     bands: tuple[str, ...]
@@ -51,11 +47,14 @@ def calibrated_photos(capture: captured.FlatCapture, records: CaptureRecords,
     images : mapping
         Photos by view.
     """
-    records.photo = PhotoRecords({name: thumbnail(image, THUMBNAIL_WIDTH)
+    records.photo = PhotoRecords({name: preview.thumbnail(image, THUMBNAIL_WIDTH)
                                   for name, image in images.items()}, {}, {},
-                                 OpenPhotos(capture).bands(images[""]), ())
+                                 opened_photos.OpenPhotos(capture).bands(images[""]), ())
     first, *others = capture.views
-    edges = {view.name: find_edges(images[view.name]) for view in capture.views if others}
+    edges = {
+        view.name: registration.find_edges(images[view.name])
+        for view in capture.views if others
+    }
     registrations = {view.name: registration_of(records.chart.charts, first, view, edges[""],
                                                 edges[view.name]) for view in others
                      if view.photo != first.photo}
@@ -78,7 +77,7 @@ class PointedSample:
     calibrated: CalibratedPhotos
 
     @cached_property
-    def errors(self) -> FlatErrors:
+    def errors(self) -> white.FlatErrors:
         """What is stated of errors."""
         return flat_errors(self.capture, self.calibrated.records)
 
@@ -93,10 +92,10 @@ class PointedSample:
         wanted = {*names}
         outlines = {name: outline for name, outline in outlines_in(
             capture, view, self.calibrated.registrations.get(view.name)).items() if name in wanted}
-        return sample_regions(self.calibrated.images[view.name], outlines,
+        return regions.sample_regions(self.calibrated.images[view.name], outlines,
                               without_clipped=len(capture.views) > 1) if outlines else None
 
-    def signal(self, name: str, region: captured.Region) -> RegionSignal:
+    def signal(self, name: str, region: captured.Region) -> flat_signals.RegionSignal:
         """The signal of a region, which need not be one of the capture.
 
         Parameters
@@ -108,10 +107,10 @@ class PointedSample:
         samples = [joined_samples(self._sampled(alone, view, (name,)),
                                   self._known_samples[view.name]) for view in alone.views]
         errors = replace(self.errors, surfaces={name: region.surface} if region.surface else {})
-        return signal_of_region(self.calibrated.photos, samples, region.families,
+        return flat_signals.signal_of_region(self.calibrated.photos, samples, region.families,
                                 self.capture.known, self.calibrated.bands, errors)
 
-    def drawn(self, name: str) -> tuple[RegionSignal, SurfaceSpectrum]:
+    def drawn(self, name: str) -> tuple[flat_signals.RegionSignal, SurfaceSpectrum]:
         """Signal and spectrum of a region of the capture, as a report has them.
 
         Parameters
@@ -124,7 +123,7 @@ class PointedSample:
             chosen.method, chosen.draws, chosen.coefficients, chosen.level,
             self.capture.seed + list(self.capture.regions).index(name)))
 
-    def pointed(self, region: captured.Region) -> tuple[RegionSignal, SignalPosterior]:
+    def pointed(self, region: captured.Region) -> tuple[flat_signals.RegionSignal, SignalPosterior]:
         """Signal and spectrum of any part of a photo, the spectrum in closed form.
 
         Parameters

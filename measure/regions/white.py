@@ -14,14 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.calibrate import light_field
-from spectrabox.calibrate.chart_equations import PatchError
-from spectrabox.radiometry import chart, error_model
+from spectrabox.calibrate import chart_equations, light_field
+from spectrabox.radiometry import chart, error_model, grid, interreflection, light_scale
 from spectrabox.radiometry.covariance import common_variance, symmetric
 from spectrabox.radiometry.errors import CheckError, InputError
-from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.interreflection import relative_response
-from spectrabox.radiometry.light_scale import exposure_ratio, rounding_error
 from spectrabox.radiometry.records.calibration import Calibration, ChartWhite
 from spectrabox.radiometry.records.photos import LinearImage, RegionSamples
 
@@ -56,7 +52,7 @@ class FlatPhoto:
     @property
     def response(self) -> np.ndarray:
         """Response (K, P) of the bands to reflectances; rows sum to 1."""
-        return relative_response(self.calibration, FINE_GRID)
+        return interreflection.relative_response(self.calibration, grid.FINE_GRID)
 
 
 @dataclass(frozen=True)
@@ -65,7 +61,8 @@ class FlatErrors:
 
     repeatability: float            # relative standard error of light and shutter between photos
     glare: float                    # standard error, of the mean signal of a photo
-    disagreement: PatchError        # of the model and a surface, as the chart's patches show it
+    # of the model and a surface, as the chart's patches show it
+    disagreement: chart_equations.PatchError
     flat_field: bool = False        # the photos were divided by that of a white card
     # relative standard error of the light in the samples' plane
     plane: float = error_model.PLANE_ERROR
@@ -436,9 +433,9 @@ def _exposure(photo: FlatPhoto, errors: FlatErrors) -> tuple[float, dict[str, fl
         raise InputError(f"{before.source} and {after.source} do not both state how long they "
                          "were exposed, so the samples cannot be compared with the chart; show "
                          "both in one photo, or give files that state it")
-    ratio = exposure_ratio(before, after)
+    ratio = light_scale.exposure_ratio(before, after)
     return ratio, {error_model.REPEATABILITY: errors.repeatability,
-                   error_model.ROUNDED_EXPOSURES: rounding_error(before, after)}
+                   error_model.ROUNDED_EXPOSURES: light_scale.rounding_error(before, after)}
 
 
 def _require_one_light(name: str, ratio: np.ndarray, covariance: np.ndarray,

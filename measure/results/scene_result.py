@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure import conditions, rules
-from spectrabox.measure.captured import SceneCapture
+from spectrabox.measure import captured, conditions, rules
 from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.results import capture_result
 from spectrabox.measure.results.methods import scene_methods
@@ -95,7 +94,7 @@ def bsdf_reflectances(found: capture_result.CaptureResult, bsdfs: Mapping[str, s
             (float(nm[0]), float(nm[-1])))
 
 
-def scene_result(capture: SceneCapture, records: CaptureRecords,
+def scene_result(capture: captured.SceneCapture, records: CaptureRecords,
                  rehearsal: Rehearsed | None = None, picture_folder: str = "") -> SceneResult:
     """What was found of a scene.
 

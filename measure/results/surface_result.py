@@ -7,25 +7,21 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure.estimate import Estimate
-from spectrabox.measure.extras import attempt
+from spectrabox.measure import estimate, extras, words
 from spectrabox.measure.regions.moved_lamp import InPlace, found_in_places
 from spectrabox.measure.results.facts import Fact, known_facts
 from spectrabox.measure.surfaces import surface_signals
 from spectrabox.measure.surfaces.colour_comparison import MetamerPair, metamer_pair
-from spectrabox.measure.words import percent
 from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.grid import WavelengthGrid
-from spectrabox.radiometry.records import spectra
-from spectrabox.radiometry.records.photos import RegionEdge
-from spectrabox.sampling.prior.family_coverage import coverage_facts, mostly_in_doubt
-from spectrabox.sampling.prior.mixture import LogitMixture
+from spectrabox.radiometry.records import photos, spectra
+from spectrabox.sampling.prior import family_coverage, mixture
 
 STEP_NM = 5     # of spectra among the facts; spectra.csv holds every nanometre
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class SurfaceResult(Estimate):
+class SurfaceResult(estimate.Estimate):
     """The estimate of a surface's spectrum, and what photos alone say of it.
 
     Attributes
@@ -46,7 +42,7 @@ class SurfaceResult(Estimate):
     gloss: spectra.StateEstimate | None = None
     light: tuple[float, float] | None = None
     scatter: float | None = None
-    edge: RegionEdge | None = None
+    edge: photos.RegionEdge | None = None
 
     @property
     def grid(self) -> WavelengthGrid:
@@ -107,12 +103,13 @@ class SurfaceResult(Estimate):
         samples = self.samples
         if samples is None or len(samples.spectra) < 2:
             return None, None
-        return attempt("comparison of spectra that look alike", lambda: metamer_pair(samples), None)
+        return extras.attempt("comparison of spectra that look alike",
+                              lambda: metamer_pair(samples), None)
 
     @property
     def untested(self) -> bool:
         """Whether most of what it may be was not certified on measured surfaces."""
-        return mostly_in_doubt(self.families)
+        return family_coverage.mostly_in_doubt(self.families)
 
     def facts(self) -> dict[str, Any]:
         """What is known, as plain numbers and sentences, by the keys of a region or a material of
@@ -122,11 +119,11 @@ class SurfaceResult(Estimate):
 
 
 def surface_result(signals: spectra.SurfaceSignals, index: int,
-                   spectrum: spectra.SurfaceSpectrum | None, prior: LogitMixture | None = None,
-                   truth: spectra.Spectrum | None = None,
+                   spectrum: spectra.SurfaceSpectrum | None,
+                   prior: mixture.LogitMixture | None = None, truth: spectra.Spectrum | None = None,
                    inverse_rendering: np.ndarray | None = None,
                    light: tuple[float, float] | None = None, scatter: float | None = None,
-                   edge: RegionEdge | None = None) -> SurfaceResult:
+                   edge: photos.RegionEdge | None = None) -> SurfaceResult:
     """What was found of one surface.
 
     Parameters
@@ -177,7 +174,7 @@ def _of_scores(name: str, meaning: str, heading: str = "",
                 else getattr(surface.scores, name), heading, shown)
 
 
-def _edge_facts(edge: RegionEdge) -> dict[str, Any]:
+def _edge_facts(edge: photos.RegionEdge) -> dict[str, Any]:
     part = edge.larger_part_px
     return {"kind": edge.kind.value,
             "step": [None if np.isnan(step) else float(step) for step in edge.step],
@@ -200,39 +197,44 @@ SURFACE_FACTS: tuple[Fact[SurfaceResult], ...] = (
     Fact("lab_d65_error", "standard errors of L*, a*, b*; none of a single draw",
          lambda surface: None if surface.lab_error is None else surface.lab_error.tolist(), "±",
          lambda errors: " ".join(f"{value:.1f}" for value in errors)),
-    Fact("delta_e00_within", "CIEDE2000 under D65 from the mean, within which draws lie with the "
-         "probability of the band", lambda surface: surface.within and surface.within[0],
-         "ΔE00 within", lambda size: f"{size:.1f}"),
+    Fact(
+        "delta_e00_within", "CIEDE2000 under D65 from the mean, within which draws lie with the "
+        "probability of the band", lambda surface: surface.within and surface.within[0],
+        "ΔE00 within", lambda size: f"{size:.1f}"),
     Fact("spectrum_within", "the same of the root mean square difference over wavelengths, "
-         "reflectance", lambda surface: surface.within and surface.within[1],
-         "spectrum within", lambda size: f"{size:.3f}"),
+         "reflectance", lambda surface: surface.within and surface.within[1], "spectrum within",
+         lambda size: f"{size:.3f}"),
     Fact("band_width", "mean width of the band over wavelength, reflectance",
          _if_estimated(lambda surface: surface.band_width)),
     Fact("light", "on the region, relative to the chart's mean",
          lambda surface: surface.light and surface.light[0]),
     Fact("light_error", "relative standard error of that light",
-         lambda surface: surface.light and surface.light[1], "light against chart ±", percent),
+         lambda surface: surface.light and surface.light[1], "light against chart ±",
+         words.percent),
     Fact("scatter", "of the region's pixels beyond noise and a plane, relative",
          lambda surface: surface.scatter),
-    Fact("edge", "across the region: `kind` (shadow or fold, two paints, or either), the `step` of "
-         "the smaller part against the larger in each band of the photo, relative, the ends "
-         "`line_px` of its line, and a rectangle `larger_part_px` on its larger side",
-         lambda surface: surface.edge and _edge_facts(surface.edge)),
-    Fact("gloss", "share of white that the surface mirrors beyond what the chart does, in the "
-         "first photo: what is known beforehand and what the signals say together",
-         lambda surface: surface.gloss and float(surface.gloss.mean[0]), "gloss", percent),
+    Fact(
+        "edge", "across the region: `kind` (shadow or fold, two paints, or either), the `step` of "
+        "the smaller part against the larger in each band of the photo, relative, the ends "
+        "`line_px` of its line, and a rectangle `larger_part_px` on its larger side",
+        lambda surface: surface.edge and _edge_facts(surface.edge)),
+    Fact(
+        "gloss", "share of white that the surface mirrors beyond what the chart does, in the "
+        "first photo: what is known beforehand and what the signals say together",
+        lambda surface: surface.gloss and float(surface.gloss.mean[0]), "gloss", words.percent),
     Fact("gloss_error", "standard error of that share",
          lambda surface: surface.gloss and float(surface.gloss.standard_deviation[0]),
-         "gloss known to", percent),
-    Fact("lamp_places", "of a region under a lamp that was moved, for each of its places: `photo` "
-         "(the first with it there), `gloss`, `gloss_error` (shares of white), `level`, "
-         "`level_error` (light on the region against the chart's, relative)",
-         lambda surface: [asdict(place) for place in surface.places] or None, "gloss, level",
-         lambda places: "; ".join(InPlace(**place).text for place in places)),
+         "gloss known to", words.percent),
+    Fact(
+        "lamp_places", "of a region under a lamp that was moved, for each of its places: `photo` "
+        "(the first with it there), `gloss`, `gloss_error` (shares of white), `level`, "
+        "`level_error` (light on the region against the chart's, relative)",
+        lambda surface: [asdict(place) for place in surface.places] or None, "gloss, level",
+        lambda places: "; ".join(InPlace(**place).text for place in places)),
     Fact("gloss_kinds", "probability of each kind of surface, by its gloss",
          lambda surface: surface.gloss and surface.gloss.shares),
     _of_scores("coverage_95", "share of wavelengths at which the 95 % band holds the truth",
-               "95 % band holds", percent),
+               "95 % band holds", words.percent),
     _of_scores("rmse_mean", "root mean square error of the mean against the truth, reflectance",
                "RMSE", lambda rmse: f"{rmse:.4f}"),
     _of_scores("rmse_inverse_rendering", "the same of the one spectrum of inverse rendering",
@@ -244,12 +246,12 @@ SURFACE_FACTS: tuple[Fact[SurfaceResult], ...] = (
          "most", lambda surface: surface.next_reading_nm),
     Fact("signal", "relative to white, in the bands that show it",
          lambda surface: surface.signal[_shown_bands(surface)].tolist()),
-    Fact("bands", "names of these bands", lambda surface: [
-        band for band, shown in zip(surface.bands, _shown_bands(surface), strict=True) if shown]),
+    Fact(
+        "bands", "names of these bands", lambda surface:
+        [band for band, shown in zip(surface.bands, _shown_bands(surface), strict=True) if shown]),
     Fact("wavelengths_nm", f"of the curves, every {STEP_NM} nm",
          _if_estimated(lambda surface: surface.nm[::STEP_NM].tolist())),
-    _of_summary("mean", "mean of the draws"),
-    _of_summary("standard_deviation", "of the draws"),
+    _of_summary("mean", "mean of the draws"), _of_summary("standard_deviation", "of the draws"),
     _of_summary("lower", "lower end of the band"), _of_summary("upper", "upper end of the band"),
     _of_summary("bound_lower", "lowest that any smooth spectrum behind the signal reaches"),
     _of_summary("bound_upper", "highest that any smooth spectrum behind the signal reaches"),
@@ -257,10 +259,12 @@ SURFACE_FACTS: tuple[Fact[SurfaceResult], ...] = (
          _if_estimated(lambda surface: surface.summary.level)),
     Fact("outcome", "how the sampler ended",
          lambda surface: surface.samples and surface.samples.outcome.name),
-    Fact("error_budget", "relative standard error of the signal in each band, by cause",
-         _if_estimated(lambda surface: {cause: errors.tolist() for cause, errors
-                                        in surface.error_budget.items()})),
+    Fact(
+        "error_budget", "relative standard error of the signal in each band, by cause",
+        _if_estimated(lambda surface:
+                      {cause: errors.tolist()
+                       for cause, errors in surface.error_budget.items()})),
     Fact("variance_shares", "share of each cause in the variance of the spectrum",
          _if_estimated(lambda surface: surface.causes)),
     Fact("families", "of surfaces that the signal allows, and what 95 % bands of each held when "
-         "judged", _if_estimated(lambda surface: coverage_facts(surface.families))))
+         "judged", _if_estimated(lambda surface: family_coverage.coverage_facts(surface.families))))

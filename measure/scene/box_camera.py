@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from spectrabox.calibrate.geometry.colmap_model import ModelImage, for_photo
+from spectrabox.calibrate.geometry import colmap_model, projection
 from spectrabox.calibrate.geometry.lens import (
     Lens,
     Pose,
@@ -28,13 +28,10 @@ from spectrabox.calibrate.geometry.pose import (
     pose_and_focal_length,
     pose_from_points,
 )
-from spectrabox.calibrate.geometry.projection import image_rays, projected
 from spectrabox.capture.photo.linear import photo_size
 from spectrabox.measure.captured import BoxPhoto, SceneView
 from spectrabox.radiometry.errors import CheckError, SpectraboxError
-from spectrabox.reconstruct.scene.box_scene import box_xml
-from spectrabox.reconstruct.scene.box_tables import BoxTable, CameraTable
-from spectrabox.reconstruct.scene.scene_file import SceneFile, scene_of_text
+from spectrabox.reconstruct.scene import box_scene, box_tables, scene_file
 
 How = Literal["measured", "corners", "COLMAP"]
 Points = Mapping[str, tuple[float, float]]          # pixels of the whole photo, by name of a corner
@@ -87,7 +84,7 @@ class BoxCamera:
         return camera_position(self.pose).direction_standard_error_deg
 
 
-def scene_of(stated: SceneFile | BoxPhoto) -> SceneFile:
+def scene_of(stated: scene_file.SceneFile | BoxPhoto) -> scene_file.SceneFile:
     """The scene of a photo: that of its file, or the box as its camera sees it.
 
     Parameters
@@ -99,9 +96,9 @@ def scene_of(stated: SceneFile | BoxPhoto) -> SceneFile:
     InputError, CheckError
         As ``box_text``.
     """
-    if isinstance(stated, SceneFile):
+    if isinstance(stated, scene_file.SceneFile):
         return stated
-    return scene_of_text(box_text(stated), stated.path)
+    return scene_file.scene_of_text(box_text(stated), stated.path)
 
 
 def lens_of(view: SceneView) -> Lens | None:
@@ -117,10 +114,11 @@ def lens_of(view: SceneView) -> Lens | None:
         If the photo's size cannot be read, or is not that of the picture.
     """
     stated = view.scene
-    if view.lens is not None or isinstance(stated, SceneFile) or stated.camera.image is None:
+    if view.lens is not None or isinstance(stated,
+                                           scene_file.SceneFile) or stated.camera.image is None:
         return view.lens
     image = stated.camera.image
-    return for_photo(stated.model[image].lens, *photo_size(stated.taken.path), image)
+    return colmap_model.for_photo(stated.model[image].lens, *photo_size(stated.taken.path), image)
 
 
 def box_text(stated: BoxPhoto) -> str:
@@ -138,7 +136,7 @@ def box_text(stated: BoxPhoto) -> str:
         If no position of the camera explains the corners, or two do.
     """
     sensor = None if stated.camera.measured else box_camera(stated).sensor
-    return box_xml(stated.box, photo_size(stated.taken.path), sensor, stated.camera)
+    return box_scene.box_xml(stated.box, photo_size(stated.taken.path), sensor, stated.camera)
 
 
 def box_camera(stated: BoxPhoto) -> BoxCamera:
@@ -187,7 +185,8 @@ def _camera_of_model(stated: BoxPhoto, image: str, size: tuple[int, int]) -> Box
         raise type(fault)(f"{stated.model_place}: {fault}") from None
 
 
-def measured_camera(camera: CameraTable, lens: Lens | None, size: tuple[int, int]) -> BoxCamera:
+def measured_camera(camera: box_tables.CameraTable, lens: Lens | None,
+                    size: tuple[int, int]) -> BoxCamera:
     """A camera whose position and direction were measured.
 
     Parameters
@@ -211,7 +210,7 @@ def measured_camera(camera: CameraTable, lens: Lens | None, size: tuple[int, int
     return BoxCamera("measured", lens, pose, {}, {})
 
 
-def camera_from_corners(camera: CameraTable, positions: Positions, lens: Lens | None,
+def camera_from_corners(camera: box_tables.CameraTable, positions: Positions, lens: Lens | None,
                         size: tuple[int, int]) -> BoxCamera:
     """The camera whose pose explains marked corners.
 
@@ -248,8 +247,9 @@ def camera_from_corners(camera: CameraTable, positions: Positions, lens: Lens | 
                      dict(zip(names, residuals, strict=True)))
 
 
-def camera_from_model(images: Mapping[str, ModelImage], image: str, marks: Mapping[str, Points],
-                      positions: Positions, size: tuple[int, int]) -> BoxCamera:
+def camera_from_model(images: Mapping[str, colmap_model.ModelImage], image: str,
+                      marks: Mapping[str, Points], positions: Positions,
+                      size: tuple[int, int]) -> BoxCamera:
     """The camera of one picture of a COLMAP model.
 
     Parameters
@@ -270,7 +270,7 @@ def camera_from_model(images: Mapping[str, ModelImage], image: str, marks: Mappi
         If model and marked corners do not fit.
     """
     model = model_in_scene(images, marks, positions)
-    lens = for_photo(images[image].lens, *size, image)
+    lens = colmap_model.for_photo(images[image].lens, *size, image)
     scale = np.array(size) / (images[image].lens.width, images[image].lens.height)
     own: dict[str, tuple[float, float]] = {}
     for corner, point in marks.get(image, {}).items():
@@ -280,7 +280,7 @@ def camera_from_model(images: Mapping[str, ModelImage], image: str, marks: Mappi
                      {corner: model.residuals_px[image, corner] for corner in own}, model)
 
 
-def stated_lens(camera: CameraTable, size: tuple[int, int]) -> Lens | None:
+def stated_lens(camera: box_tables.CameraTable, size: tuple[int, int]) -> Lens | None:
     """The lens without distortion of a stated field of view; None where none is stated."""
     if camera.fov_deg is None:
         return None
@@ -288,7 +288,7 @@ def stated_lens(camera: CameraTable, size: tuple[int, int]) -> Lens | None:
                                 *size)
 
 
-def require_in_front(box: BoxTable, camera: BoxCamera) -> None:
+def require_in_front(box: box_tables.BoxTable, camera: BoxCamera) -> None:
     """Refuse a camera that would look through the back wall: marks in one plane fit from both
     sides.
 
@@ -311,7 +311,7 @@ def visible_corners(camera: BoxCamera, positions: Positions) -> dict[str, tuple[
     positions : mapping of corner name to (x, y, z)
     """
     turn = Rotation.from_matrix(camera.pose.world_to_camera[:3, :3]).as_rotvec()
-    pixels, _ = projected(np.array(list(positions.values())),
+    pixels, _ = projection.projected(np.array(list(positions.values())),
                           np.concatenate([turn, camera.pose.world_to_camera[:3, 3]]), camera.lens)
     return {name: (float(x), float(y)) for name, (x, y) in zip(positions, pixels, strict=True)}
 
@@ -326,7 +326,7 @@ def undistorted_shares(camera: BoxCamera, points: Points) -> dict[str, np.ndarra
     """
     if not points:
         return {}
-    rays = image_rays(np.array([*points.values()]).reshape(-1, 2), camera.lens)
+    rays = projection.image_rays(np.array([*points.values()]).reshape(-1, 2), camera.lens)
     rays = rays @ pinhole(camera.lens).T
     size = np.array([camera.lens.width, camera.lens.height])
     return dict(zip(points, (rays[:, :2] / rays[:, 2:] + 0.5) / size, strict=True))

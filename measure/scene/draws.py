@@ -7,12 +7,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from spectrabox.radiometry import error_model
-from spectrabox.radiometry.covariance import error_patterns
+from spectrabox.radiometry import covariance, error_model, grid, interreflection
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.gloss import gloss_states
-from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.interreflection import white_signal
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.scenes import JointReconstruction, RegionTransport
 from spectrabox.radiometry.records.spectra import SpectrumSamples
@@ -74,7 +71,7 @@ def draw_through_transport(calibration: Calibration, joint: JointReconstruction,
     require_one_transport(len(joint.views), bool(joint.regions))
     regions, view = joint.regions[0], joint.views[0]
     fine = joint.response * view.white_signal[:, None] * view.light_scale.value
-    response = fine @ interpolation_matrix(PRIOR_GRID.nm, joint.grid.nm)
+    response = fine @ grid.interpolation_matrix(PRIOR_GRID.nm, joint.grid.nm)
     known = {name: np.interp(PRIOR_GRID.nm, joint.grid.nm, joint.spectra[place])
              for place, name in enumerate(joint.materials) if joint.known[place]}
     common, logs = scene_draws.split_shared(*_common_errors(calibration, joint, regions, fine))
@@ -94,7 +91,7 @@ def _common_errors(calibration: Calibration, joint: JointReconstruction, regions
     products = np.exp(regions.transport.exponents.astype(float) @ np.log(np.maximum(spectra, 1e-6)))
     received = regions.transport.coefficients @ products
     signal = received @ response.T
-    white = white_signal(response)
+    white = interreflection.white_signal(response)
     curves = error_model.curve_errors(calibration, joint.grid)
     light = error_model.light_errors(calibration, joint.grid, joint.response)
     causes = {
@@ -104,7 +101,7 @@ def _common_errors(calibration: Calibration, joint: JointReconstruction, regions
         ], error_model.LIGHT_SPECTRUM: [_of_response(light, signal / white, received) * white],
         error_model.SURFACE_REFLECTION: [_of_gloss(joint, regions, signal)],
         error_model.DISAGREEMENT: [
-            scene_draws.shared_errors(signal, np.zeros((len(white), ) * 2), 0.0, regions.surface,
+            scene_draws.shared_errors(signal, np.zeros((len(white),) * 2), 0.0, regions.surface,
                                       regions.colour_error, regions.brightness_error)
         ]
     }
@@ -176,5 +173,5 @@ def _of_tails(of_brightest: np.ndarray, regions: RegionTransport,
     brightest = relative.max(axis=1, keepdims=True)
     errors = [np.where((regions.material == material)[:, None], brightest * pattern, 0.0)
               for material in np.unique(regions.material)
-              for pattern in error_patterns(of_brightest)]
+              for pattern in covariance.error_patterns(of_brightest)]
     return np.array(errors).reshape(-1, *relative.shape)

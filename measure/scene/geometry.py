@@ -14,10 +14,7 @@ from spectrabox.measure.scene.box_camera import (
     visible_corners,
 )
 from spectrabox.radiometry.records import scenes
-from spectrabox.reconstruct.scene.box_scene import box_edges
-from spectrabox.reconstruct.scene.box_tables import BoxTable, LampTable
-from spectrabox.reconstruct.scene.edit_scene import Refinement
-from spectrabox.reconstruct.scene.scene_file import SceneFile
+from spectrabox.reconstruct.scene import box_scene, box_tables, edit_scene, scene_file
 
 
 def scene_geometry(capture: SceneCapture) -> scenes.SceneGeometry:
@@ -35,7 +32,7 @@ def scene_geometry(capture: SceneCapture) -> scenes.SceneGeometry:
     placements, views = [], []
     for view in capture.views:
         stated = view.scene
-        if isinstance(stated, SceneFile):
+        if isinstance(stated, scene_file.SceneFile):
             continue
         if not view.name:
             placements += lamp_placements(stated.box.lamp)
@@ -70,7 +67,7 @@ def box_scenes(capture: SceneCapture) -> dict[str, str]:
     return {name: box_text(scene) for name, scene in stated.items()}
 
 
-def lamp_placements(lamp: LampTable) -> list[scenes.Placement]:
+def lamp_placements(lamp: box_tables.LampTable) -> list[scenes.Placement]:
     """The placement of a box's lamp; none where it stands as measured."""
     if lamp.moved_mm is None:
         return []
@@ -82,7 +79,8 @@ def lamp_placements(lamp: LampTable) -> list[scenes.Placement]:
     ]
 
 
-def refined_placements(file: str, refinements: Iterable[Refinement]) -> list[scenes.Placement]:
+def refined_placements(file: str,
+                       refinements: Iterable[edit_scene.Refinement]) -> list[scenes.Placement]:
     """The placements that comments of a scene file state.
 
     Parameters
@@ -119,7 +117,7 @@ def camera_placement(name: str, camera: BoxCamera) -> scenes.Placement:
                      np.array(camera.at_mm), None, np.array(camera.standard_error_mm))
 
 
-def marked_view(name: str, box: BoxTable, camera: BoxCamera) -> scenes.MarkedView:
+def marked_view(name: str, box: box_tables.BoxTable, camera: BoxCamera) -> scenes.MarkedView:
     """The edges of a box, and its marked corners, as a camera sees them.
 
     Parameters
@@ -134,7 +132,8 @@ def marked_view(name: str, box: BoxTable, camera: BoxCamera) -> scenes.MarkedVie
     marked = undistorted_shares(camera, camera.marks)
     corners = tuple(marked)
     return scenes.MarkedView(
-        name, np.array([[seen[start], seen[end]] for start, end in box_edges(box)]), corners,
+        name, np.array([[seen[start], seen[end]] for start, end in box_scene.box_edges(box)]),
+        corners,
         np.array([marked[corner] for corner in corners]).reshape(-1, 2),
         np.array([seen[corner] for corner in corners]).reshape(-1, 2),
         np.array([camera.residuals_px[corner] for corner in corners]))

@@ -21,20 +21,13 @@ import numpy as np
 
 from spectrabox.capture.photo.preview import bin_image, render_size
 from spectrabox.measure.surfaces.surface_signals import measurement, scene_signals
-from spectrabox.radiometry.error_model import (
-    GLARE,
-    STRAY_LIGHT,
-)
+from spectrabox.radiometry import error_model
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records import scenes
-from spectrabox.radiometry.records.calibration import LightScale
-from spectrabox.radiometry.records.spectra import Progress
-from spectrabox.reconstruct.agreement import BRIGHTEST_PERCENTILE
-from spectrabox.reconstruct.inverse_rendering import reconstruct_views
+from spectrabox.radiometry.records import calibration, scenes, spectra
+from spectrabox.reconstruct import agreement, inverse_rendering
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.view import PhotoView
-from spectrabox.sampling.prior import mixture
-from spectrabox.sampling.prior.mixture_posterior import posterior
+from spectrabox.sampling.prior import mixture, mixture_posterior
 from spectrabox.sampling.spectral_measurement import response_on
 
 
@@ -64,7 +57,8 @@ def with_stray_light(joint: scenes.JointReconstruction,
         bands = np.flatnonzero(joint.view_of_band == number)
         irradiance = _irradiance(view)
         lit = np.isfinite(irradiance)
-        brightest = np.percentile(irradiance[lit], BRIGHTEST_PERCENTILE) if lit.any() else 0.0
+        brightest = np.percentile(irradiance[lit],
+                                  agreement.BRIGHTEST_PERCENTILE) if lit.any() else 0.0
         for name in view.materials:
             own = _pixels_of(view, name) & lit
             index = joint.materials.index(name)
@@ -72,8 +66,10 @@ def with_stray_light(joint: scenes.JointReconstruction,
                 shown = view.measured[own].mean(axis=0)
                 of_glare[index, bands] = errors.glare * view.measured.mean(axis=(0, 1)) / shown
                 of_ambient[index, bands] = errors.ambient * brightest / irradiance[own].mean()
-    return dataclasses.replace(joint, gloss=dict(errors.gloss), stray_light=(
-        scenes.StrayLightError(GLARE, of_glare), scenes.StrayLightError(STRAY_LIGHT, of_ambient)))
+    return dataclasses.replace(
+        joint, gloss=dict(errors.gloss),
+        stray_light=(scenes.StrayLightError(error_model.GLARE, of_glare),
+                     scenes.StrayLightError(error_model.STRAY_LIGHT, of_ambient)))
 
 
 def _irradiance(view: scenes.Reconstruction) -> np.ndarray:
@@ -104,8 +100,9 @@ SCALE_PASSES = 3            # reflections between surfaces change with the stren
 FROM_PRIOR = "what the prior expects of surfaces, since nothing states the strength of the light"
 
 
-def scale_from_prior(view: PhotoView, settings: InversionSettings,
-                     families: Mapping[str, Sequence[str]], progress: Progress) -> LightScale:
+def scale_from_prior(view: PhotoView, settings: InversionSettings, families: Mapping[str,
+                                                                                     Sequence[str]],
+                     progress: spectra.Progress) -> calibration.LightScale:
     """The strength of the light under which the materials are most probable.
 
     Signals are inversely proportional to it but for light reflected between surfaces, so that the
@@ -135,14 +132,15 @@ def scale_from_prior(view: PhotoView, settings: InversionSettings,
         view.photo, *render_size(width, height, min(width, COARSE_WIDTH))))
     white = view.photo.signal[~view.photo.saturated.any(axis=2)]
     value = float(np.percentile(white, 99))
-    first = reconstruct_views((dataclasses.replace(view, light_scale=LightScale(
-        1.0, None, None, FROM_PRIOR)),), settings, progress).views[0]
+    first = inverse_rendering.reconstruct_views((dataclasses.replace(
+        view, light_scale=calibration.LightScale(1.0, None, None, FROM_PRIOR)),), settings,
+                                                progress).views[0]
     value /= max(float(np.percentile(first.rendered, 99)), np.finfo(float).tiny)
     spread = np.inf
     for _ in range(SCALE_PASSES):
-        scale = LightScale(value, value * min(spread, 0.5), None, FROM_PRIOR)
-        joint = reconstruct_views((dataclasses.replace(view, light_scale=scale),), settings,
-                                  progress)
+        scale = calibration.LightScale(value, value * min(spread, 0.5), None, FROM_PRIOR)
+        joint = inverse_rendering.reconstruct_views(
+            (dataclasses.replace(view, light_scale=scale),), settings, progress)
         signals = scene_signals(joint, [view.calibration])
         log_posterior = np.zeros(TRIED_SCALES.size)
         for index, name in enumerate(signals.names):
@@ -150,7 +148,7 @@ def scale_from_prior(view: PhotoView, settings: InversionSettings,
             own = measurement(signals, index)
             noise = np.diag(np.diag(joint.signal_covariance[index])) + np.diag(
                 (0.02 * own.signal) ** 2)
-            log_posterior += posterior(
+            log_posterior += mixture_posterior.posterior(
                 prior, response_on(own, mixture.PRIOR_GRID), own.signal / TRIED_SCALES[:, None],
                 noise / TRIED_SCALES[:, None, None]**2).log_evidence
             log_posterior -= len(own.signal) * np.log(TRIED_SCALES)
@@ -163,7 +161,7 @@ def scale_from_prior(view: PhotoView, settings: InversionSettings,
     if not np.isfinite(value):
         raise InputError("no strength of the light explains the photo; give a chart scene to "
                          "fit_camera, or the spectrum of one material")
-    return LightScale(value, value * spread, None, FROM_PRIOR)
+    return calibration.LightScale(value, value * spread, None, FROM_PRIOR)
 
 
 def learnt_spectra(families: Sequence[str]) -> scenes.LearntSpectra:

@@ -16,19 +16,12 @@ from spectrabox.measure import captured
 from spectrabox.measure.shoot.curves import FilterTable, LightTable, SpectrumTable
 from spectrabox.measure.shoot.inputs import Inputs, chart_files, chart_of
 from spectrabox.measure.shoot.shoot import FILE_NAME, CompleteView, Shoot, SurfaceSection
-from spectrabox.radiometry.chart import Chart, excluded_patches
+from spectrabox.radiometry import chart, errors, grid
 from spectrabox.radiometry.charts.references import reference_file, reference_reflectances
-from spectrabox.radiometry.errors import InputError, SpectraboxError
-from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import spectra
-from spectrabox.radiometry.records.calibration import Filter
-from spectrabox.radiometry.spectra import named_spectra, spectrum_files
+from spectrabox.radiometry.records import calibration, spectra
+from spectrabox.radiometry.spectra import filters, light_words, named_spectra, spectrum_files
 from spectrabox.radiometry.spectra.filters import read_filter as read_filter_file
-from spectrabox.radiometry.spectra.filters import unknown_filter
-from spectrabox.radiometry.spectra.light_words import UNKNOWN
-from spectrabox.reconstruct.scene import scene_file
-from spectrabox.reconstruct.scene.box_scene import chart_xml
-from spectrabox.reconstruct.scene.edit_scene import refinements
+from spectrabox.reconstruct.scene import box_scene, edit_scene, scene_file
 
 BOX_SCENE_NAME, CHART_SCENE_NAME = "scene.xml", "chart-scene.xml"   # made of [scene.box]
 COLMAP = f"{FILE_NAME}: scene.box.colmap"
@@ -66,7 +59,7 @@ def flat_capture_of(shoot: Shoot, inputs: Inputs) -> captured.FlatCapture:
 
 def capture_with_faults(
         shoot: Shoot, inputs: Inputs
-) -> tuple[captured.FlatCapture | captured.SceneCapture, list[SpectraboxError]]:
+) -> tuple[captured.FlatCapture | captured.SceneCapture, list[errors.SpectraboxError]]:
     """As ``capture_of``, with every fault; what could not be read is None in the capture then."""
     reader = _Reader(shoot, inputs)
     return reader.flat_capture() if shoot.flat else reader.scene_capture(), reader.faults
@@ -77,7 +70,7 @@ class _Reader:
 
     def __init__(self, shoot: Shoot, inputs: Inputs) -> None:
         self.shoot, self.inputs = shoot, inputs
-        self.faults: list[SpectraboxError] = []
+        self.faults: list[errors.SpectraboxError] = []
 
     def read(self, read: Callable[..., Kind], *arguments: Any) -> Kind:
         """What a function reads.
@@ -89,7 +82,7 @@ class _Reader:
         """
         try:
             return read(*arguments)
-        except SpectraboxError as fault:
+        except errors.SpectraboxError as fault:
             self.faults.append(fault)
             return None  # type: ignore[return-value]  # nothing is made of it
 
@@ -126,7 +119,7 @@ class _Reader:
                             inversion=shoot.reconstruct,
                             scale_from_chart=shoot.scale.source == "chart",
                             refinements={} if self.faults else {
-                                file: refinements(inputs.path(file)) for file in files},
+                                file: edit_scene.refinements(inputs.path(file)) for file in files},
                             **self._common())
 
     def _common(self) -> dict[str, Any]:
@@ -155,7 +148,7 @@ class _Reader:
                 "light_words": _words(view.light), "lamp": view.lamp_of, "moved": view.moved_for,
                 "filter": through,
                 "filter_words": "" if table is None else _words_of_filter(table),
-                "filter_known": through is None or through.name != UNKNOWN}
+                "filter_known": through is None or through.name != light_words.UNKNOWN}
 
     def _known_error(self, section: SurfaceSection) -> float:
         """Relative standard error of a known reflectance; of one that is not known, any."""
@@ -169,8 +162,8 @@ class _Reader:
                         for table in (section.known, section.truth))
         return {
             "families": section.families, "surface": section.surface, "known":
-            None if known is None else spectrum_files.spectrum_on_grid(known, FINE_GRID), "truth":
-            truth
+            None if known is None else spectrum_files.spectrum_on_grid(known, grid.FINE_GRID),
+            "truth": truth
         }
 
 
@@ -192,13 +185,13 @@ def _lit_chart(shoot: Shoot, inputs: Inputs) -> captured.LitChart:
     layout = chart_of(shoot, inputs)
     corners = shoot.chart.corners_px
     return captured.LitChart(layout, read_chart_reference(shoot, inputs, layout),
-                    excluded_patches(shoot.chart.leave_out, layout, "chart.leave_out"),
+                    chart.excluded_patches(shoot.chart.leave_out, layout, "chart.leave_out"),
                     None if corners is None else np.array(corners),
                     stated=shoot.chart.reference is not None or layout.reference_file is not None,
                     measured=reference_file(shoot.chart.reference, layout) is not None)
 
 
-def read_chart_reference(shoot: Shoot, inputs: Inputs, layout: Chart) -> np.ndarray:
+def read_chart_reference(shoot: Shoot, inputs: Inputs, layout: chart.Chart) -> np.ndarray:
     """Reflectances (I, P) of the chart, published or measured.
 
     Raises
@@ -208,7 +201,7 @@ def read_chart_reference(shoot: Shoot, inputs: Inputs, layout: Chart) -> np.ndar
     """
     for name in chart_files(shoot, inputs):
         inputs.path(name)      # refuses what lies outside the session
-    return reference_reflectances(shoot.chart.reference, layout, FINE_GRID, inputs.folder)
+    return reference_reflectances(shoot.chart.reference, layout, grid.FINE_GRID, inputs.folder)
 
 
 def _sensitivity(shoot: Shoot, inputs: Inputs) -> captured.Sensitivity:
@@ -233,15 +226,15 @@ def read_sensitivities(shoot: Shoot, inputs: Inputs) -> tuple[tuple[str, ...], n
     source = shoot.sensitivity.source
     names: tuple[str, ...] = ()
     if source.file is None:
-        on = named_spectra.sensitivities(source.words, FINE_GRID)
+        on = named_spectra.sensitivities(source.words, grid.FINE_GRID)
     else:
         nm, names, curves = spectrum_files.read_curves(inputs.path(source.file), source.columns)
-        on = spectrum_files.on_grid(nm, curves, FINE_GRID, source.file)
+        on = spectrum_files.on_grid(nm, curves, grid.FINE_GRID, source.file)
     if len(on) < 3:
-        raise InputError(f"{source.words} holds {len(on)} curves; three or more bands are "
+        raise errors.InputError(f"{source.words} holds {len(on)} curves; three or more bands are "
                          "needed")
     if on.max() <= 0 or on.min() < -0.05 * on.max():
-        raise InputError(f"{source.words}: sensitivities must be positive; "
+        raise errors.InputError(f"{source.words}: sensitivities must be positive; "
                          f"they run from {on.min():.3g} to {on.max():.3g}")
     return names, np.maximum(on, 0.0) / on.max()
 
@@ -259,15 +252,15 @@ def read_light(inputs: Inputs, table: LightTable) -> spectra.Spectrum | spectra.
         return spectra.UnknownLight(cct=table.cct)
     if table.word is not None:
         return named_spectra.vague_light(table.word) or named_spectra.spectrum_of_name(
-            table.word, FINE_GRID)
+            table.word, grid.FINE_GRID)
     assert table.file is not None
     if table.file in inputs.given:
         return inputs.given[table.file]
     light = spectrum_files.read_spectrum(inputs.path(table.file), role=spectra.Quantity.RELATIVE,
                                          column=table.column)
-    values = spectrum_files.spectrum_on_grid(light, FINE_GRID)
+    values = spectrum_files.spectrum_on_grid(light, grid.FINE_GRID)
     if values.max() <= 0 or values.min() < -0.01 * values.max():
-        raise InputError(f"{table.file}: a light spectrum must be positive; "
+        raise errors.InputError(f"{table.file}: a light spectrum must be positive; "
                          f"it runs from {values.min():.3g} to {values.max():.3g} over 400-700 nm")
     return light
 
@@ -282,12 +275,13 @@ def read_known_light(inputs: Inputs, table: LightTable) -> spectra.Spectrum:
     """
     light = read_light(inputs, table)
     if isinstance(light, spectra.UnknownLight):
-        raise InputError(f"this needs the spectrum of a light and has an {light.words}; measure "
-                         "it, or name a CIE illuminant")
+        raise errors.InputError(
+            f"this needs the spectrum of a light and has an {light.words}; measure "
+            "it, or name a CIE illuminant")
     return light
 
 
-def read_filter(inputs: Inputs, table: FilterTable) -> Filter:
+def read_filter(inputs: Inputs, table: FilterTable) -> calibration.Filter:
     """A filter of the session, with its error.
 
     Raises
@@ -296,7 +290,7 @@ def read_filter(inputs: Inputs, table: FilterTable) -> Filter:
         If its file cannot be read, does not cover 400-700 nm, or is no transmittance.
     """
     if table.file is None:
-        return unknown_filter()
+        return filters.unknown_filter()
     if table.file in inputs.given:
         return inputs.given[table.file]
     return read_filter_file(inputs.path(table.file), table.column)
@@ -314,7 +308,7 @@ def read_reflectance(inputs: Inputs, table: SpectrumTable) -> spectra.Spectrum:
         return inputs.given[table.file]
     spectrum = spectrum_files.read_spectrum(inputs.path(table.file),
                                             role=spectra.Quantity.REFLECTANCE, column=table.column)
-    spectrum_files.spectrum_on_grid(spectrum, FINE_GRID)
+    spectrum_files.spectrum_on_grid(spectrum, grid.FINE_GRID)
     return spectrum
 
 
@@ -335,8 +329,9 @@ def stated_scene(shoot: Shoot, inputs: Inputs,
         If the session has no scene, or it cannot be read.
     """
     if shoot.scene is None:
-        raise InputError(f"{FILE_NAME} describes regions of a flat sample and no scene; this needs "
-                         "a session with [scene]")
+        raise errors.InputError(
+            f"{FILE_NAME} describes regions of a flat sample and no scene; this needs "
+            "a session with [scene]")
     view = view or shoot.all_views[0]
     if view.scene is None:
         return box_photo(shoot, inputs, view)
@@ -389,7 +384,7 @@ def _pictures(shoot: Shoot, inputs: Inputs, image: str) -> dict[str, ModelImage]
     for name in needed:
         if name not in images:
             some = ", ".join([*images][:SHOWN]) + (", ..." if len(images) > SHOWN else "")
-            raise InputError(f"{COLMAP}: the model has no picture {name!r}; it has {some}")
+            raise errors.InputError(f"{COLMAP}: the model has no picture {name!r}; it has {some}")
     return {name: images[name] for name in needed}
 
 
@@ -399,5 +394,5 @@ def read_chart_scene(shoot: Shoot, inputs: Inputs) -> scene_file.SceneFile | Non
         return scene_file.read_scene(inputs.path(shoot.chart.scene), inputs.bounds)
     if shoot.box is None or shoot.box.chart is None:
         return None
-    return scene_file.scene_of_text(chart_xml(shoot.box, shoot.box.chart),
+    return scene_file.scene_of_text(box_scene.chart_xml(shoot.box, shoot.box.chart),
                          inputs.folder / CHART_SCENE_NAME, inputs.bounds)

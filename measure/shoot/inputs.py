@@ -8,11 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from spectrabox.measure.shoot.shoot import Shoot
-from spectrabox.radiometry.chart import Chart
-from spectrabox.radiometry.charts.layouts import chart_layout, layout_name
-from spectrabox.radiometry.charts.references import reference_file
-from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import names_a_file
+from spectrabox.radiometry import chart, errors, files
+from spectrabox.radiometry.charts import layouts, references
 
 
 @dataclass(frozen=True)
@@ -46,10 +43,10 @@ class Inputs:
         try:
             path = (self.folder / name).resolve()
         except (OSError, ValueError, RuntimeError) as error:    # a zero byte, a link to itself
-            raise InputError(f"{name!r} cannot be the name of a file ({error}); correct it"
+            raise errors.InputError(f"{name!r} cannot be the name of a file ({error}); correct it"
                              ) from None
         if not self.allow_outside and not path.is_relative_to(self.folder.resolve()):
-            raise InputError(f"{name!r} lies outside the session folder; copy it in, "
+            raise errors.InputError(f"{name!r} lies outside the session folder; copy it in, "
                              "or allow it with --allow-outside")
         return path
 
@@ -59,7 +56,7 @@ class Inputs:
         return None if self.allow_outside else self.folder
 
 
-def chart_of(shoot: Shoot, inputs: Inputs) -> Chart:
+def chart_of(shoot: Shoot, inputs: Inputs) -> chart.Chart:
     """Layout of the chart.
 
     Raises
@@ -70,7 +67,7 @@ def chart_of(shoot: Shoot, inputs: Inputs) -> Chart:
     if shoot.chart.layout in inputs.given:
         return inputs.given[shoot.chart.layout]
     file = shoot.chart.layout_file
-    return chart_layout(shoot.chart.layout if file is None else str(inputs.path(file)))
+    return layouts.chart_layout(shoot.chart.layout if file is None else str(inputs.path(file)))
 
 
 def chart_files(shoot: Shoot, inputs: Inputs) -> list[str]:
@@ -86,9 +83,9 @@ def chart_files(shoot: Shoot, inputs: Inputs) -> list[str]:
     reference: Path | None
     if file is None:        # of a chart that is sold, no file says anything but one that is named
         if shoot.chart.layout not in inputs.given:
-            layout_name(shoot.chart.layout)
-        reference = folder / named if named is not None and names_a_file(named) else None
+            layouts.layout_name(shoot.chart.layout)
+        reference = folder / named if named is not None and files.names_a_file(named) else None
     else:
-        reference = reference_file(named, chart_of(shoot, inputs), folder)
+        reference = references.reference_file(named, chart_of(shoot, inputs), folder)
     placed = None if reference is None else os.path.relpath(reference, folder)
     return [name for name in (file, placed) if name is not None]

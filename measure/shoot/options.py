@@ -10,8 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from spectrabox.radiometry.checked_tables import ListOf, Table
-from spectrabox.radiometry.error_model import PLANE_ERROR, SCENE_LEVEL_ERROR
+from spectrabox.radiometry import checked_tables, error_model
 from spectrabox.radiometry.published.published_tables import LIGHTS, published_names
 from spectrabox.radiometry.system.words import known_name
 from spectrabox.reconstruct.settings import Engine, InversionSettings, SpectrumPrior
@@ -25,7 +24,7 @@ SURFACE_FIELD = Field(None, description="how much the surface mirrors, matt, sat
                       "light that no camera tells from its colour")
 
 
-class Repeatability(Table):
+class Repeatability(checked_tables.Table):
     """How well what two photos have in common comes back: standard errors that no photo tells."""
 
     light: RelativeError = Field(0.012, description="relative: of the light's strength, from the "
@@ -35,12 +34,14 @@ class Repeatability(Table):
     lamp_position: RelativeError = Field(0.005, description="of the lamp in the chart scene, along "
                                          "each axis, relative to its distance from the chart")
     scene_level: RelativeError = Field(
-        SCENE_LEVEL_ERROR, description="relative: of the light on a scene against that on its "
+        error_model.SCENE_LEVEL_ERROR,
+        description="relative: of the light on a scene against that on its "
         "chart, by the lamp's position and beam and the chart's tilt; [scale] from = \"material\" "
         "measures it")
-    plane: RelativeError = Field(PLANE_ERROR, description="relative: of the light on flat "
-                                 "samples, whose plane is not quite the chart's; a white card "
-                                 "among them measures it")
+    plane: RelativeError = Field(
+        error_model.PLANE_ERROR, description="relative: of the light on flat "
+        "samples, whose plane is not quite the chart's; a white card "
+        "among them measures it")
 
     @property
     def relative_error(self) -> float:
@@ -48,7 +49,7 @@ class Repeatability(Table):
         return math.hypot(self.light, self.shutter)
 
 
-class StrayLight(Table):
+class StrayLight(checked_tables.Table):
     """Light in the object photo that the scene does not hold: standard errors."""
 
     glare: RelativeError = Field(0.005, description="veiling glare of the lens, of the picture's "
@@ -57,7 +58,7 @@ class StrayLight(Table):
                                    "brightest irradiance in the picture")
 
 
-class Inversion(Table):
+class Inversion(checked_tables.Table):
     """How spectra are fitted to the photos."""
 
     engine: Engine = Field(INVERSION.engine, description="transport: light traced once, then "
@@ -89,7 +90,7 @@ class Inversion(Table):
         return {name: value for name, value in vars(self).items() if name != "width"}
 
 
-class Sampling(Table):
+class Sampling(checked_tables.Table):
     """How spectra are drawn behind the fitted signals."""
 
     method: Literal["prior", "uniform", "paper"] = Field(
@@ -114,13 +115,14 @@ def _published_light(written: Any) -> Any:
 LightName = Annotated[str, BeforeValidator(_published_light)]
 
 
-class PictureOptions(Table):
+class PictureOptions(checked_tables.Table):
     """A picture of spectra: every pixel of the first photo, of a flat sample in the bands of all
     photos. Off without it.
     """
 
-    rect: ListOf[float] | None = Field(None, description="[x0, y0, x1, y1]: two opposite corners "
-                                       "in pixels of the photo; all of it where left out")
+    rect: checked_tables.ListOf[float] | None = Field(
+        None, description="[x0, y0, x1, y1]: two opposite corners "
+        "in pixels of the photo; all of it where left out")
     light: LightName | None = Field(None, description="CIE name of a light besides D65 under "
                                     "which colours are shown")
     step_nm: Literal[5, 10, 15, 20, 25, 30, 50, 60] = Field(
@@ -128,8 +130,9 @@ class PictureOptions(Table):
     format: Literal["exr", "tiled-exr", "envi", "zarr"] = Field(
         "exr", description="of the spectra: spectral EXR of scan lines or tiles, ENVI images or "
         "OME-Zarr images")
-    family: str | ListOf[str] | None = Field(None, description="what the surfaces are, as of a "
-                                             "region")
+    family: str | checked_tables.ListOf[str] | None = Field(
+        None, description="what the surfaces are, as of a "
+        "region")
     surface: Surface = SURFACE_FIELD
 
     @property

@@ -9,16 +9,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from spectrabox.calibrate import chart_calibration
-from spectrabox.calibrate.chart_photo import ChartPhoto, first_date
+from spectrabox.calibrate import chart_calibration, chart_photo
 from spectrabox.capture.chart.detection import find_chart, find_chart_again
 from spectrabox.capture.chart.patches import require_unclipped, sample_patches
-from spectrabox.measure.captured import LitChart
-from spectrabox.measure.held_out_spectra import held_out_patches
+from spectrabox.measure import captured, held_out_spectra
+from spectrabox.radiometry import error_model, errors
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.charts.references import editions
-from spectrabox.radiometry.error_model import LAMP_AT_CHART, with_common_error
-from spectrabox.radiometry.errors import ChartNotFoundError
 from spectrabox.radiometry.records import spectra
 from spectrabox.radiometry.records.calibration import Calibration, Filter, HeldOutPatches
 from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PatchSamples
@@ -54,7 +51,7 @@ def find(photo: LinearImage, expected: np.ndarray, layout: Chart,
         return find_chart_again(photo, expected, before, layout)
     try:
         return find_chart(photo, expected, corners_px, layout)
-    except ChartNotFoundError:
+    except errors.ChartNotFoundError:
         if before is None:
             raise
         return find_chart_again(photo, expected, before, layout)
@@ -90,10 +87,10 @@ def find_patches(photo: LinearImage, expected: np.ndarray, layout: Chart,
 
 
 def as_fitted(
-    samples: Sequence[PatchSamples], charts: Iterable[LitChart],
+    samples: Sequence[PatchSamples], charts: Iterable[captured.LitChart],
     lights: Iterable[spectra.Spectrum | spectra.UnknownLight], irradiance: np.ndarray | None = None,
-    filters: Iterable[Filter | None] | None = None, bands: tuple[str,
-                                                                 ...] = ()) -> list[ChartPhoto]:
+    filters: Iterable[Filter | None] | None = None, bands: tuple[str, ...] = ()
+) -> list[chart_photo.ChartPhoto]:
     """Charts in photos as their fits take them. One of which nobody stated the reflectances is a
     copy of an edition that was sold by the day of the first photo.
 
@@ -110,17 +107,18 @@ def as_fitted(
     bands : tuple of K str
         Their names.
     """
-    taken_at, photos = first_date(list(samples)), []
+    taken_at, photos = chart_photo.first_date(list(samples)), []
     for one, chart, light, through in zip(samples, charts, lights,
                                           filters or [None] * len(samples), strict=True):
         of = () if chart.stated else editions(chart.layout, taken_at)
-        photos.append(ChartPhoto(one, of[0].mean if of else chart.reflectances, light, irradiance,
-                                 chart.excluded, chart.layout, through, bands, of))
+        photos.append(
+            chart_photo.ChartPhoto(one, of[0].mean if of else chart.reflectances, light, irradiance,
+                                   chart.excluded, chart.layout, through, bands, of))
     return photos
 
 
 def fit(
-    photos: Sequence[ChartPhoto], grid: spectra.WavelengthGrid,
+    photos: Sequence[chart_photo.ChartPhoto], grid: spectra.WavelengthGrid,
     options: chart_calibration.CalibrationOptions | None
 ) -> tuple[chart_calibration.ChartCalibration, HeldOutPatches]:
     """One camera and the lights of its photos, with every patch of the first by a fit without it.
@@ -138,7 +136,7 @@ def fit(
         As ``calibrate_chart``.
     """
     fitted = chart_calibration.calibrate_chart(photos, grid, options)
-    return fitted, held_out_patches(fitted, fitted.reflectances)
+    return fitted, held_out_spectra.held_out_patches(fitted, fitted.reflectances)
 
 
 def irradiance_on(layout: Chart, scene: SceneFile, seed: int, device: str) -> np.ndarray:
@@ -159,4 +157,5 @@ def with_lamp_error(calibration: Calibration, error: float) -> Calibration:
     """A calibration whose light scale errs by the lamp's position too."""
     scale = calibration.light_scale
     return calibration if scale is None else replace(
-        calibration, light_scale=with_common_error(scale, LAMP_AT_CHART, error))
+        calibration, light_scale=error_model.with_common_error(scale, error_model.LAMP_AT_CHART,
+                                                               error))

@@ -11,9 +11,8 @@ from functools import partial
 import numpy as np
 
 from spectrabox.calibrate.geometry.projection import undistorted
+from spectrabox.capture.chart import patches, quality
 from spectrabox.capture.chart.detection import chart_overlay
-from spectrabox.capture.chart.patches import require_unclipped
-from spectrabox.capture.chart.quality import judge_chart
 from spectrabox.capture.photo import preview
 from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.capture.photo.registration import (
@@ -23,16 +22,14 @@ from spectrabox.capture.photo.registration import (
     register,
     registered,
 )
-from spectrabox.measure import captured
-from spectrabox.measure.opened_photos import require_exposed, require_one_camera
+from spectrabox.measure import captured, opened_photos
 from spectrabox.measure.records import CaptureRecords, ChartRecords, MeasuredChart, PhotoRecords
 from spectrabox.measure.scene.box_camera import lens_of, scene_of
 from spectrabox.measure.steps import chart_fit
 from spectrabox.measure.steps.work import Work
+from spectrabox.radiometry import errors, grid
 from spectrabox.radiometry.chart import typical_camera_signals
-from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding, Severity
-from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.photos import (
     ChartDetection,
     LinearImage,
@@ -70,8 +67,8 @@ def find_charts(capture: captured.Capture, records: CaptureRecords, work: Work) 
         name = view.chart_names[0]
         work.progress((index + 0.1) / len(views), f"finding the chart in {name}")
         photo, own_findings = work.photos.developed(view.chart)
-        require_one_camera([*(each.thumbnail for each in charts.values()), photo])
-        expected = typical_camera_signals(chart.reflectances, FINE_GRID, view.power)
+        opened_photos.require_one_camera([*(each.thumbnail for each in charts.values()), photo])
+        expected = typical_camera_signals(chart.reflectances, grid.FINE_GRID, view.power)
         again = None if first is None else _moved(*first, photo)
         detection = chart_fit.find(photo, expected, chart.layout, stated_corners(capture, view),
                                    again, filtered=view.filter is not None)
@@ -79,10 +76,11 @@ def find_charts(capture: captured.Capture, records: CaptureRecords, work: Work) 
             first = detection, find_edges(photo)
         findings += work.write_picture(view.label("overlay"),
                                        partial(chart_overlay, photo, detection))
-        verdict = judge_chart(photo, detection, expected, chart.layout,
+        verdict = quality.judge_chart(photo, detection, expected, chart.layout,
                               light_explained=capture.chart_scene is not None)
-        lost = require_unclipped(verdict.samples, chart.layout.names, name, chart.layout.neutrals,
-                                 work.photos.bands(photo), bands_may_drop=capture.bands_may_drop)
+        lost = patches.require_unclipped(verdict.samples, chart.layout.names, name,
+                                         chart.layout.neutrals, work.photos.bands(photo),
+                                         bands_may_drop=capture.bands_may_drop)
         findings += (*own_findings, *lost)
         charts[view.name] = MeasuredChart(detection, verdict.samples,
                                           preview.thumbnail(photo, THUMBNAIL_WIDTH), verdict.light,
@@ -142,8 +140,9 @@ def measure_flat_photos(capture: captured.FlatCapture, records: CaptureRecords,
         work.progress((index + 0.1) / len(capture.views), f"reading {view.photo_names[0]}")
         photo, own_findings = work.photos.developed(view.photo)
         findings += own_findings
-        require_one_camera([*(chart.thumbnail for chart in records.chart.charts.values()),
-                            *photos.values(), photo])
+        opened_photos.require_one_camera([
+            *(chart.thumbnail for chart in records.chart.charts.values()), *photos.values(), photo
+        ])
         if several and not view.name:
             first_edges = find_edges(photo)
         elif first_edges is not None:
@@ -160,8 +159,9 @@ def measure_flat_photos(capture: captured.FlatCapture, records: CaptureRecords,
         photos[view.name] = preview.thumbnail(photo, PHOTO_THUMBNAIL_WIDTH)
         if view.filter is not None and np.array_equal(photos[view.name].signal,
                                                       photos[""].signal):
-            raise InputError(f"{view.photo_names[0]} is the photo without the filter; give the one "
-                             "that was taken through it")
+            raise errors.InputError(
+                f"{view.photo_names[0]} is the photo without the filter; give the one "
+                "that was taken through it")
         findings += work.write_picture(view.label("preview"), partial(
             preview.signal_rgb8, photo.signal, -(-photo.signal.shape[1] // PREVIEW_WIDTH)))
     return PhotoRecords(photos, regions, registrations, work.photos.bands(photo),
@@ -193,7 +193,7 @@ def measure_scene_photos(capture: captured.SceneCapture, records: CaptureRecords
         work.progress((index + 0.1) / len(capture.views), f"reading {name}")
         photo, own_findings = work.photos.developed(view.photo)
         findings += own_findings
-        require_exposed(photo, name)
+        opened_photos.require_exposed(photo, name)
         lens = lens_of(view)
         if lens is not None:
             photo = undistorted(photo, lens)

@@ -12,26 +12,24 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from spectrabox.calibrate.geometry.projection import undistorted
 from spectrabox.capture.photo.registration import resampled, uncertain_edges
 from spectrabox.measure.captured import FlatCapture, SceneCapture
+from spectrabox.measure.pictures import (
+    picture_files,
+    scene_light,
+    stacked_photos,
+    surface_textures,
+    texture_files,
+)
 from spectrabox.measure.pictures.crop import Crop, crop_of, crop_photo, node_grid
 from spectrabox.measure.pictures.lit_photo import LitPhoto
-from spectrabox.measure.pictures.picture_files import layout_of, write_picture
-from spectrabox.measure.pictures.scene_light import converge_light
-from spectrabox.measure.pictures.stacked_photos import PicturePhoto, stack_photos
-from spectrabox.measure.pictures.surface_textures import TextureSums
-from spectrabox.measure.pictures.texture_files import write_textures
 from spectrabox.measure.pictures.traced_photo import TracedPhoto
 from spectrabox.measure.records import CaptureRecords, PictureRecords
 from spectrabox.measure.scene.box_camera import lens_of
-from spectrabox.measure.steps.inversion import glare_error, views_of
-from spectrabox.measure.steps.signals import flat_errors, flat_photos
+from spectrabox.measure.steps import inversion, signals
 from spectrabox.measure.steps.work import Work
-from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.findings import Finding, Severity
+from spectrabox.radiometry import errors, findings
 from spectrabox.radiometry.records.photos import LinearImage, Registration
-from spectrabox.reconstruct.known_light import in_chart_light
-from spectrabox.reconstruct.pixel_light import trace_pixel_light
+from spectrabox.reconstruct import known_light, pixel_light, transport_engine
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
-from spectrabox.reconstruct.transport_engine import unit_scene
 from spectrabox.sampling.prior.mixture import load_prior, of_families
 
 COLUMNS = 24                # of the nodes at which white and its errors are computed
@@ -57,10 +55,11 @@ def flat_picture(capture: FlatCapture, records: CaptureRecords, work: Work) -> P
     """
     assert capture.picture is not None
     if work.folder is None:
-        raise InputError("a picture of spectra is files: name a folder for them")
+        raise errors.InputError("a picture of spectra is files: name a folder for them")
     lit = lit_photo(capture, records, work)
-    written = write_picture(lit, capture.picture, work.folder, lambda share: work.progress(
-        SHARE_OF_TIME + (1 - SHARE_OF_TIME) * share, ""))
+    written = picture_files.write_picture(
+        lit, capture.picture, work.folder,
+        lambda share: work.progress(SHARE_OF_TIME + (1 - SHARE_OF_TIME) * share, ""))
     return replace(written, findings=tuple(_findings(capture, lit)))
 
 
@@ -68,8 +67,8 @@ def lit_photo(capture: FlatCapture, records: CaptureRecords, work: Work) -> LitP
     """All photos of the picture, in the pixels of the first, with white and its errors."""
     assert capture.picture is not None
     views = capture.picture_views
-    photos = flat_photos(capture, records)
-    shown: list[PicturePhoto] = []
+    photos = signals.flat_photos(capture, records)
+    shown: list[stacked_photos.PicturePhoto] = []
     for number, view in enumerate(views):
         work.progress(SHARE_OF_TIME * number / len(views), f"reading {view.photo_names[0]}")
         image, _ = work.photos.developed(view.photo)
@@ -77,12 +76,13 @@ def lit_photo(capture: FlatCapture, records: CaptureRecords, work: Work) -> LitP
             crop = crop_of(image, capture.picture.rect)
             nodes_px, between = node_grid(crop, COLUMNS)
         motion = records.photo.registrations.get(view.name)
-        shown.append(PicturePhoto(
+        shown.append(stacked_photos.PicturePhoto(
             photos[capture.views.index(view)], _in_first(image, motion, crop),
             nodes_px if motion is None else motion.moved(nodes_px)))
-    return stack_photos(shown, between, capture.known, flat_errors(capture, records),
-                        capture.picture.surface,
-                        of_families(load_prior(), capture.picture.families))
+    return stacked_photos.stack_photos(shown, between, capture.known,
+                                       signals.flat_errors(capture, records),
+                                       capture.picture.surface,
+                                       of_families(load_prior(), capture.picture.families))
 
 
 def _in_first(image: LinearImage, motion: Registration | None, crop: Crop) -> LinearImage:
@@ -101,17 +101,17 @@ def _in_first(image: LinearImage, motion: Registration | None, crop: Crop) -> Li
     return replace(shown, saturated=shown.saturated | uncertain[..., None])
 
 
-def _findings(capture: FlatCapture, lit: LitPhoto) -> Iterator[Finding]:
+def _findings(capture: FlatCapture, lit: LitPhoto) -> Iterator[findings.Finding]:
     """What a reader of the picture has to know of its photos."""
     views = capture.picture_views
     for view in capture.views:
         if view not in views:
-            yield Finding("picture.without-photo", Severity.NOTE, view.title)
+            yield findings.Finding("picture.without-photo", findings.Severity.NOTE, view.title)
     if len(views) > 1:
-        yield Finding("picture.photos", Severity.INFO, values={
+        yield findings.Finding("picture.photos", findings.Severity.INFO, values={
             "names": [view.title for view in views], "bands": int(lit.size[2])})
     if lit.shown is not None and len(lit.shown.sets) > 1:
-        yield Finding("picture.fewer-photos", Severity.INFO, values={
+        yield findings.Finding("picture.fewer-photos", findings.Severity.INFO, values={
             "share": float(np.mean((lit.shown.index > 0) & (lit.shown.flags == 0)))})
 
 
@@ -142,17 +142,19 @@ def scene_picture(capture: SceneCapture, records: CaptureRecords, work: Work) ->
     section = capture.picture
     assert section is not None
     if work.folder is None:
-        raise InputError("a picture of spectra is files: name a folder for them")
+        raise errors.InputError("a picture of spectra is files: name a folder for them")
     start_mitsuba(work.device)
     scene = traced_photo(capture, records, work)
-    light = converge_light(scene, lambda share: work.progress(TRACED + (LIT - TRACED) * share,
-                                                              "light from other surfaces"))
+    light = scene_light.converge_light(
+        scene, lambda share: work.progress(TRACED +
+                                           (LIT - TRACED) * share, "light from other surfaces"))
     assert light.photo.flags is not None
-    sums = TextureSums(scene, light.photo.flags, layout_of(section))
-    written = write_picture(light.photo, section, work.folder,
+    sums = surface_textures.TextureSums(scene, light.photo.flags, picture_files.layout_of(section))
+    written = picture_files.write_picture(light.photo, section, work.folder,
                             lambda share: work.progress(LIT + (1 - LIT) * share, ""),
                             sums.add)
-    textures = write_textures(sums.textures(), layout_of(section), work.folder)
+    textures = texture_files.write_textures(sums.textures(), picture_files.layout_of(section),
+                                            work.folder)
     return replace(written, files=(*written.files, *textures), rounds=np.array(light.changes),
                    findings=(light.finding, *sums.findings))
 
@@ -168,16 +170,17 @@ def traced_photo(capture: SceneCapture, records: CaptureRecords, work: Work) -> 
         photo = undistorted(photo, lens)
     light = records.reconstruct.joint.views[0].known_light
     if light is not None:
-        photo = in_chart_light(photo, light)
-    view = replace(views_of(capture, records)[0], photo=photo)
+        photo = known_light.in_chart_light(photo, light)
+    view = replace(inversion.views_of(capture, records)[0], photo=photo)
     crop = crop_of(photo, section.rect)
     work.progress(0.02, "tracing light")
     direct = capture.inversion.engine == "single-bounce"
-    unit = unit_scene(view, 1 if direct else view.scene_file.max_depth - 1, bool(view.own_lights))
+    unit = transport_engine.unit_scene(view, 1 if direct else view.scene_file.max_depth - 1,
+                                       bool(view.own_lights))
     surface = np.full(view.surface.shape, -1, np.int32)
     surface[crop.rows, crop.columns] = view.surface[crop.rows, crop.columns]
     own = np.array([unit.materials.index(name) for name in view.surface_materials])
-    traced = trace_pixel_light(unit, surface, own, seed=capture.seed,
+    traced = pixel_light.trace_pixel_light(unit, surface, own, seed=capture.seed,
                                progress=lambda done: work.progress(0.02 + (TRACED - 0.02) * done,
                                                                    "tracing light"),
                                checkpoint=work.checkpoint(TRACE))
@@ -186,6 +189,6 @@ def traced_photo(capture: SceneCapture, records: CaptureRecords, work: Work) -> 
     return TracedPhoto(
         view, unit, traced, crop, edges, of_families(load_prior(), section.families), joint,
         records.calibrations(capture.views)[0],
-        glare_error(capture, records) * joint.views[0].measured.mean(axis=(0, 1)),
+        inversion.glare_error(capture, records) * joint.views[0].measured.mean(axis=(0, 1)),
         capture.stray_light.ambient, section.surface,
         float(np.hypot(settings.surface_error, settings.brightness_error)), capture.seed)

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.capture.photo.image_writers import write_png
-from spectrabox.measure.extras import attempt, to_keep
-from spectrabox.measure.opened_photos import OpenPhotos
+from spectrabox.measure import extras, opened_photos
 from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.spectra import Progress
 
@@ -18,7 +17,7 @@ from spectrabox.radiometry.records.spectra import Progress
 class Work:
     """Open photos, the place where Mitsuba renders, and where files go."""
 
-    photos: OpenPhotos                  # shared by the steps of one run
+    photos: opened_photos.OpenPhotos                  # shared by the steps of one run
     progress: Progress
     device: str = "auto"                # "auto", "cpu" or "cuda"
     folder: Path | None = None          # takes the step's pictures; None: none are made
@@ -41,9 +40,9 @@ class Work:
         folder = self.folder
         if folder is None:
             return ()
-        _, failed = attempt(f"picture {name!r}", lambda: write_png(folder / f"{name}.png", drawn()),
-                            None)
-        return () if failed is None else (to_keep(failed),)
+        _, failed = extras.attempt(f"picture {name!r}",
+                                   lambda: write_png(folder / f"{name}.png", drawn()), None)
+        return () if failed is None else (extras.to_keep(failed),)
 
     def checkpoint(self, name: str) -> Path | None:
         """The file that a stopped trace is kept in."""

@@ -10,9 +10,7 @@ from spectrabox.measure.surfaces.colour_comparison import independent_bands
 from spectrabox.radiometry import error_model
 from spectrabox.radiometry.covariance import symmetric, symmetric_root
 from spectrabox.radiometry.gloss import gloss_states
-from spectrabox.radiometry.records import spectra
-from spectrabox.radiometry.records.calibration import Calibration
-from spectrabox.radiometry.records.scenes import JointReconstruction
+from spectrabox.radiometry.records import calibration, scenes, spectra
 from spectrabox.sampling import spectral_measurement
 
 FEW_BANDS = 12      # whose signals draws reach one by one
@@ -21,8 +19,8 @@ FEW_BANDS = 12      # whose signals draws reach one by one
 SHARED_SCALE = 0.5
 
 
-def scene_signals(joint: JointReconstruction,
-                  calibrations: Sequence[Calibration]) -> spectra.SurfaceSignals:
+def scene_signals(joint: scenes.JointReconstruction,
+                  calibrations: Sequence[calibration.Calibration]) -> spectra.SurfaceSignals:
     """The signals of all materials of a scene, with their errors.
 
     Parameters
@@ -58,7 +56,7 @@ def scene_signals(joint: JointReconstruction,
     return with_errors(signals, causes)
 
 
-def _gloss_of(joint: JointReconstruction) -> tuple[spectra.CaptureStates, ...]:
+def _gloss_of(joint: scenes.JointReconstruction) -> tuple[spectra.CaptureStates, ...]:
     """What each material may mirror under each lamp in its place; none where the scene says it of
     all.
     """

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.measure.surfaces.surface_signals import errors_by_cause, measurement
-from spectrabox.radiometry.appearance import delta_e00
-from spectrabox.radiometry.findings import Finding, Severity
+from spectrabox.radiometry import appearance, findings
 from spectrabox.radiometry.records.spectra import (
     Outcome,
     Progress,
@@ -23,10 +22,8 @@ from spectrabox.radiometry.records.spectra import (
     SurfaceSpectrum,
     WavelengthGrid,
 )
-from spectrabox.sampling.draw_methods import draw_spectra
-from spectrabox.sampling.prior.mixture import load_prior, of_families
-from spectrabox.sampling.prior.signal_posterior import solve_posterior
-from spectrabox.sampling.spectral_measurement import without_states
+from spectrabox.sampling import draw_methods, spectral_measurement
+from spectrabox.sampling.prior import mixture, signal_posterior
 from spectrabox.sampling.summary import summarise
 
 
@@ -76,12 +73,12 @@ def _sample_surface(signals: SurfaceSignals, index: int, options: DrawOptions,
                     families: Sequence[str],
                     draws: SpectrumSamples | None) -> SurfaceSpectrum:
     seen = measurement(signals, index)
-    prior = of_families(load_prior(), families)
+    prior = mixture.of_families(mixture.load_prior(), families)
     variance_shares: dict[str, float] = {}
     family_shares: dict[str, float] = {}
     states: StateEstimate | None = None
     if options.method == "prior":
-        posterior = solve_posterior(prior, seen)
+        posterior = signal_posterior.solve_posterior(prior, seen)
         family_shares, states = posterior.family_shares, posterior.states
         unsaid = draws is not None and not posterior.says(draws.spectra.mean(axis=0))
         if draws is None or unsaid:
@@ -91,7 +88,7 @@ def _sample_surface(signals: SurfaceSignals, index: int, options: DrawOptions,
             draws = dataclasses.replace(draws, outcome=Outcome.UNSAID,
                                         findings=(Outcome.UNSAID.finding(),))
     if draws is None:
-        draws = draw_spectra(seen, options.method, options.draws, options.seed,
+        draws = draw_methods.draw_spectra(seen, options.method, options.draws, options.seed,
                              options.coefficients, prior)
     summary = summarise(draws, seen, options.level, conditions_of_band(draws, seen))
     return SurfaceSpectrum(draws, resample_summary(summary, seen.grid), variance_shares,
@@ -99,13 +96,15 @@ def _sample_surface(signals: SurfaceSignals, index: int, options: DrawOptions,
 
 
 def conditions_of_band(draws: SpectrumSamples,
-                       measured: SpectralMeasurement) -> tuple[Finding, ...]:
+                       measured: SpectralMeasurement) -> tuple[findings.Finding, ...]:
     """What the band rests on."""
-    errors = np.sqrt(np.diag(without_states(measured).noise_covariance))
-    return (Finding("band.gaussian-errors", Severity.INFO, values={"errors": errors.tolist()}),
-            Finding("band.sampler", Severity.INFO, values={
-                "method": draws.method, "coefficients": draws.coefficients.shape[1]}),
-            *draws.findings)
+    errors = np.sqrt(np.diag(spectral_measurement.without_states(measured).noise_covariance))
+    return (findings.Finding("band.gaussian-errors", findings.Severity.INFO,
+                             values={"errors": errors.tolist()}),
+            findings.Finding(
+                "band.sampler", findings.Severity.INFO,
+                values={"method": draws.method, "coefficients":
+                        draws.coefficients.shape[1]}), *draws.findings)
 
 
 def resample_summary(summary: SpectrumSummary, grid: WavelengthGrid) -> SpectrumSummary:
@@ -150,7 +149,7 @@ def score(truth: np.ndarray, inverse_rendering: np.ndarray | None, summary: Spec
         coverage_95=_share_inside(truth, lower, upper),
         coverage_bounds=_share_inside(truth, summary.bound_lower, summary.bound_upper),
         band_width=float(np.mean(summary.upper - summary.lower)),
-        delta_e00_mean=delta_e00(summary.grid.nm, summary.mean, truth))
+        delta_e00_mean=appearance.delta_e00(summary.grid.nm, summary.mean, truth))
 
 
 def _rmse(a: np.ndarray, b: np.ndarray) -> float:

@@ -13,7 +13,7 @@ from string import ascii_uppercase
 import numpy as np
 from pydantic import Field
 
-from spectrabox.radiometry import checked_tables
+from spectrabox.radiometry import checked_tables, errors
 from spectrabox.radiometry.chart import (
     CLASSIC,
     GLOSSY_PATCHES,
@@ -21,7 +21,6 @@ from spectrabox.radiometry.chart import (
     grid_chart,
     outlined_chart,
 )
-from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.system.words import nearest_words
 
 LAYOUT_SUFFIX = ".toml"
@@ -63,7 +62,7 @@ def layout_name(written: str) -> str:
     short |= {_plain(word): name for word, name in SHORT_NAMES.items()}
     name = (short | known).get(_plain(written))
     if name is None:
-        raise InputError(f"chart layout {written!r} is not known"
+        raise errors.InputError(f"chart layout {written!r} is not known"
                          f"{nearest_words(written, [*LAYOUT_NAMES, *SHORT_NAMES])}; known are "
                          f"{', '.join(LAYOUT_NAMES)}, or a layout of your own in a file "
                          f"NAME{LAYOUT_SUFFIX}")
@@ -185,18 +184,22 @@ def read_layout(path: Path) -> Chart:
     names = _names(written, path.name)
     patch = _pair(written.patch, "patch", path.name)
     if min(patch) <= 0:
-        raise InputError(f"{path.name}: patch is {list(patch)}; give width and height above 0")
+        raise errors.InputError(
+            f"{path.name}: patch is {list(patch)}; give width and height above 0")
     border = _pair(written.border, "border", path.name)
     if (written.pitch is None) == (written.centres is None):
-        raise InputError(f"{path.name}: give either pitch or centres, to say where patches lie")
+        raise errors.InputError(
+            f"{path.name}: give either pitch or centres, to say where patches lie")
     pitch = patch if written.pitch is None else _pair(written.pitch, "pitch", path.name)
     if any(step < side for step, side in zip(pitch, patch, strict=True)):
-        raise InputError(f"{path.name}: patches of {list(patch)} at a pitch of {list(pitch)} "
-                         "overlap; give the distance from centre to centre")
+        raise errors.InputError(
+            f"{path.name}: patches of {list(patch)} at a pitch of {list(pitch)} "
+            "overlap; give the distance from centre to centre")
     for neutral in written.neutrals:
         if neutral not in names:
-            raise InputError(f"{path.name}: neutrals names {neutral!r}, which is no patch; did you "
-                             f"mean {checked_tables.nearest(neutral, names)!r}?")
+            raise errors.InputError(
+                f"{path.name}: neutrals names {neutral!r}, which is no patch; did you "
+                f"mean {checked_tables.nearest(neutral, names)!r}?")
     chart = grid_chart(written.name, written.rows, written.columns, names, patch, pitch,
                        written.neutrals)
     if written.centres is not None:
@@ -216,21 +219,22 @@ def _names(written: LayoutFile, file: str) -> tuple[str, ...]:
         return tuple(f"{column}{row}" for row in range(1, written.rows + 1)
                      for column in letters[:written.columns])
     if len(written.names) != patches or len(set(written.names)) != patches:
-        raise InputError(f"{file}: names lists {len(set(written.names))} different names; "
+        raise errors.InputError(f"{file}: names lists {len(set(written.names))} different names; "
                          f"{written.rows} rows of {written.columns} patches need {patches}")
     return written.names
 
 
 def _pair(values: tuple[float, ...], key: str, file: str) -> tuple[float, float]:
     if len(values) != 2:
-        raise InputError(f"{file}: {key} has {len(values)} numbers; two are needed, across and "
-                         "down")
+        raise errors.InputError(
+            f"{file}: {key} has {len(values)} numbers; two are needed, across and "
+            "down")
     return values[0], values[1]
 
 
 def _points(values: tuple[tuple[float, ...], ...], count: int, key: str, file: str) -> np.ndarray:
     if len(values) != count or any(len(point) != 2 for point in values):
-        raise InputError(f"{file}: {key} needs {count} points [x, y]; it has {len(values)}")
+        raise errors.InputError(f"{file}: {key} needs {count} points [x, y]; it has {len(values)}")
     return np.array(values)
 
 
@@ -239,8 +243,9 @@ def _with_centres(chart: Chart, centres: tuple[tuple[float, ...], ...], file: st
     given = _points(centres, len(chart.names), "centres", file)
     grid = given.reshape(chart.rows, chart.columns, 2)
     if np.any(np.diff(grid[..., 0], axis=1) <= 0) or np.any(np.diff(grid[..., 1], axis=0) <= 0):
-        raise InputError(f"{file}: centres must run to the right along every row and down every "
-                         "column; list them row by row")
+        raise errors.InputError(
+            f"{file}: centres must run to the right along every row and down every "
+            "column; list them row by row")
     middle = ((given + chart.sizes / 2).max(axis=0) + (given - chart.sizes / 2).min(axis=0)) / 2
     return outlined_chart(chart.name, chart.rows, chart.columns, chart.names, given - middle,
                           chart.sizes, tuple(chart.names[patch] for patch in chart.neutrals))
@@ -249,8 +254,9 @@ def _with_centres(chart: Chart, centres: tuple[tuple[float, ...], ...], file: st
 def _with_fiducials(chart: Chart, written: LayoutFile, file: str) -> Chart:
     if written.fiducials is None or written.fiducial_names is None \
             or len(written.fiducial_names) != 4:
-        raise InputError(f"{file}: fiducials and fiducial_names go together, four of each: the "
-                         "points, and the words by which an operator knows them")
+        raise errors.InputError(
+            f"{file}: fiducials and fiducial_names go together, four of each: the "
+            "points, and the words by which an operator knows them")
     first, second, third, fourth = written.fiducial_names
     points = _points(written.fiducials, 4, "fiducials", file)
     # from where the file measures: the outer corner of the first patch, or as its centres

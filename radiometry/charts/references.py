@@ -21,6 +21,7 @@ from typing import Annotated
 
 import numpy as np
 
+from spectrabox.radiometry import errors, files, shaped
 from spectrabox.radiometry.chart import (
     AS_ASKED,
     BEFORE_2014,
@@ -32,12 +33,9 @@ from spectrabox.radiometry.chart import (
     order_correlations,
     typical_camera_signals,
 )
-from spectrabox.radiometry.errors import CheckError, InputError
-from spectrabox.radiometry.files import names_a_file
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.published.published_tables import published_colours
 from spectrabox.radiometry.records.spectra import Quantity, WavelengthGrid
-from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra import spectrum_files
 from spectrabox.radiometry.spectra.formats.measurement_table import SpectralTable
 
@@ -62,7 +60,7 @@ SHARE_BEFORE_2014 = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class ChartCopies(Record):
+class ChartCopies(shaped.Record):
     """Charts of one edition as a distribution: log reflectance = that of the mean + own terms of
     each patch + terms that patches have in common.
     """
@@ -190,7 +188,7 @@ def reference_file(reference: str | None, chart: Chart, folder: Path = Path()) -
     """
     if reference is None:
         return chart.reference_file
-    return folder / reference if names_a_file(reference) else None
+    return folder / reference if files.names_a_file(reference) else None
 
 
 def reference_reflectances(reference: str | None, chart: Chart, grid: WavelengthGrid,
@@ -214,9 +212,10 @@ def reference_reflectances(reference: str | None, chart: Chart, grid: Wavelength
     if file is not None:
         return measured_chart(file, grid, chart)
     if reference is None and not chart.references:
-        raise InputError(f"no reflectances of a {chart.name} are published that may ship with "
-                         f"spectrabox; measure its {len(chart.names)} patches, or ask its maker "
-                         "for their spectra, and give that file as reference (CSV or CGATS)")
+        raise errors.InputError(
+            f"no reflectances of a {chart.name} are published that may ship with "
+            f"spectrabox; measure its {len(chart.names)} patches, or ask its maker "
+            "for their spectra, and give that file as reference (CSV or CGATS)")
     return chart_reflectances(reference or chart.references[0], grid, chart)
 
 
@@ -261,7 +260,7 @@ def measured_chart(path: Path, grid: WavelengthGrid, chart: Chart) -> np.ndarray
                if not name.startswith("standard_error")]
     order = _by_name(table, samples, chart)
     if order is None and len(samples) != len(chart.names):
-        raise InputError(f"{path.name} holds {len(samples)} columns; {len(chart.names)} are "
+        raise errors.InputError(f"{path.name} holds {len(samples)} columns; {len(chart.names)} are "
                          f"needed, one per patch, {chart.names[0]} first")
     chosen = samples if order is None else order
     reflectances = np.array([
@@ -298,12 +297,14 @@ def _require_chart(file: str, reflectances: np.ndarray, grid: WavelengthGrid, ch
     best = max(correlations, key=lambda words: correlations[words])
     as_listed = correlations[AS_ASKED]
     if correlations[best] > max(SURE_CORRELATION, as_listed + CLEAR_GAIN):
-        raise CheckError(f"{file} lists the patches of a {chart.name} {best}: in that order they "
-                         f"correlate with a published chart by {correlations[best]:.2f}, as listed "
-                         f"by {as_listed:.2f}; list them row by row, {chart.names[0]} first, or "
-                         "name them after the patches")
+        raise errors.CheckError(
+            f"{file} lists the patches of a {chart.name} {best}: in that order they "
+            f"correlate with a published chart by {correlations[best]:.2f}, as listed "
+            f"by {as_listed:.2f}; list them row by row, {chart.names[0]} first, or "
+            "name them after the patches")
     if as_listed < SURE_CORRELATION:
-        raise CheckError(f"{file} holds the reflectances of another chart than a {chart.name}: its "
-                         f"{len(chart.names)} patches correlate with a published one by "
-                         f"{as_listed:.2f}, in any order; give the file of this chart, or the "
-                         "layout that the file is of")
+        raise errors.CheckError(
+            f"{file} holds the reflectances of another chart than a {chart.name}: its "
+            f"{len(chart.names)} patches correlate with a published one by "
+            f"{as_listed:.2f}, in any order; give the file of this chart, or the "
+            "layout that the file is of")

@@ -15,17 +15,13 @@ from typing import Annotated
 
 import numpy as np
 
-from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import names_a_file
+from spectrabox.radiometry import errors, files, shaped
 from spectrabox.radiometry.records.spectra import Quantity, SpectralMeasurement, WavelengthGrid
-from spectrabox.radiometry.shaped import Record
-from spectrabox.radiometry.spectra import spectrum_files
+from spectrabox.radiometry.spectra import named_spectra, spectrum_files
 from spectrabox.radiometry.spectra.formats.measurement_table import distinct
-from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.radiometry.system.words import nearest_words
+from spectrabox.sampling.prior import mixture, mixture_posterior
 from spectrabox.sampling.prior.libraries import READERS, usable
-from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
-from spectrabox.sampling.prior.mixture_posterior import posterior, with_floor
 from spectrabox.sampling.spectral_measurement import response_on
 
 VARIATION = 0.01        # of white: standard deviation between samples of one material
@@ -35,7 +31,7 @@ BY_CHANCE = 0.05        # the usual ratio: the one that a true spectrum exceeds 
 
 
 @dataclass(frozen=True, eq=False)
-class Identification(Record):
+class Identification(shaped.Record):
     """How well each of n spectra of a library explains one signal, and the learnt prior's say."""
 
     log_evidence: Annotated[np.ndarray, "n"]        # nats
@@ -47,7 +43,7 @@ class Identification(Record):
     probability_of_none: float                      # at even odds of the library and the prior
 
 
-def identify(measurement: SpectralMeasurement, spectra: np.ndarray, prior: LogitMixture, *,
+def identify(measurement: SpectralMeasurement, spectra: np.ndarray, prior: mixture.LogitMixture, *,
              standard_error: np.ndarray | None = None, variation: float = VARIATION,
              evidence_ratio: float | None = None) -> Identification:
     """Evidence of every spectrum of a library for one signal, and of none of them.
@@ -72,7 +68,7 @@ def identify(measurement: SpectralMeasurement, spectra: np.ndarray, prior: Logit
     from scipy.special import chdtrc, chdtri
 
     bands = len(measurement.signal)
-    noise = with_floor(measurement.noise_covariance)
+    noise = mixture_posterior.with_floor(measurement.noise_covariance)
     # one row does for all where nobody stated errors
     stated = np.zeros_like(spectra[:1]) if standard_error is None or not standard_error.any() \
         else standard_error
@@ -86,8 +82,10 @@ def identify(measurement: SpectralMeasurement, spectra: np.ndarray, prior: Logit
     ratio = np.exp(chdtri(bands, BY_CHANCE) / 2) if evidence_ratio is None else evidence_ratio
     allowed = p_value >= REJECTED
     near = evidence >= np.max(evidence, where=allowed, initial=-np.inf) - np.log(ratio)
-    none = float(posterior(prior, response_on(measurement, PRIOR_GRID), measurement.signal[None],
-                           measurement.noise_covariance).log_evidence[0])
+    none = float(
+        mixture_posterior.posterior(prior, response_on(measurement, mixture.PRIOR_GRID),
+                                    measurement.signal[None],
+                                    measurement.noise_covariance).log_evidence[0])
     of_library = evidence.max() + np.log(np.mean(np.exp(evidence - evidence.max())))
     return Identification(evidence, np.sqrt(distance), p_value, near & allowed,
                           float(ratio), none,
@@ -115,7 +113,7 @@ Row = tuple[str, np.ndarray, np.ndarray]    # name, spectrum (P,), standard erro
 
 
 @dataclass(frozen=True, eq=False)
-class SpectralLibrary(Record):
+class SpectralLibrary(shaped.Record):
     """Reflectances of n materials by name, on one grid.
 
     Attributes
@@ -159,7 +157,7 @@ def read_spectral_libraries(words: Sequence[str], grid: WavelengthGrid) -> Spect
         spectra = list(_rows(word, grid, refused))
         if not spectra:
             more = f"; {len(refused) - 1} more like it" if len(refused) > 1 else ""
-            raise InputError(refused[0] + more if refused else
+            raise errors.InputError(refused[0] + more if refused else
                              f"{word} holds no spectra of a known format; give a file of "
                              "reflectances, a folder of them, or a published set")
         left_out += refused
@@ -181,9 +179,9 @@ def _rows(word: str, grid: WavelengthGrid, refused: list[str]) -> Iterator[Row]:
                                                             *TEXTS, ".json"):
                 try:
                     yield from _of_file(file, grid, refused)
-                except InputError as error:
+                except errors.InputError as error:
                     refused.append(str(error))
-    elif names_a_file(word):
+    elif files.names_a_file(word):
         yield from _of_file(path, grid, refused)
     else:
         yield from _published(word, grid)
@@ -202,7 +200,7 @@ def _of_file(path: Path, grid: WavelengthGrid, refused: list[str]) -> Iterator[R
             spectrum = spectrum_files.spectrum_of(table, role=Quantity.REFLECTANCE,
                                                   column=index + 2)
             values = spectrum_files.spectrum_on_grid(spectrum, grid)
-        except InputError as refusal:
+        except errors.InputError as refusal:
             refused.append(str(refusal))
             continue
         error = np.zeros(grid.nm.size)
@@ -221,7 +219,7 @@ def _of_archive(path: Path, grid: WavelengthGrid, refused: list[str]) -> Iterato
             number += 1
             kept, why = usable(nm, curve[None])
             if len(kept):
-                yield (f"{path.stem} {number}", np.interp(grid.nm, PRIOR_GRID.nm, kept[0]),
+                yield (f"{path.stem} {number}", np.interp(grid.nm, mixture.PRIOR_GRID.nm, kept[0]),
                        np.zeros(grid.nm.size))
             else:
                 reason = next(reason for reason, count in why.items() if count)
@@ -229,9 +227,9 @@ def _of_archive(path: Path, grid: WavelengthGrid, refused: list[str]) -> Iterato
 
 
 def _published(word: str, grid: WavelengthGrid) -> Iterator[Row]:
-    sets = test_reflectances(grid)
+    sets = named_spectra.test_reflectances(grid)
     if word not in sets:
-        raise InputError(f"{word!r} is no file and no published set of reflectances"
+        raise errors.InputError(f"{word!r} is no file and no published set of reflectances"
                          f"{nearest_words(word, sets)}; known are {', '.join(sets)}")
     for number, values in enumerate(sets[word], start=1):
         yield f"{word} {number}", values, np.zeros(grid.nm.size)

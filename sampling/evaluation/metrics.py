@@ -17,10 +17,9 @@ from spectrabox.radiometry.grid import (
 )
 from spectrabox.radiometry.records.spectra import SpectralMeasurement, WavelengthGrid
 from spectrabox.radiometry.spectra import named_spectra
+from spectrabox.sampling import spectral_measurement, summary
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.published.baselines import baseline_spectra, greedy_draws
-from spectrabox.sampling.spectral_measurement import spline_operator
-from spectrabox.sampling.summary import TAIL_DRAWS
 
 TINY = 1e-12
 
@@ -199,7 +198,7 @@ def delta_e00_under(lights: Sequence[str], grid: WavelengthGrid, estimate: np.nd
 # ---- recovered spectra judged against the truth by the same measures, whoever recovered them -----
 
 LEVEL = 0.95
-BAND_DRAWS = round(2 * TAIL_DRAWS / (1 - LEVEL))        # fewer give no band, for us as for others
+BAND_DRAWS = round(2 * summary.TAIL_DRAWS / (1 - LEVEL))  # fewer give no band, for us as for others
 GREEDY = "Belcour-style greedy"
 Estimate = tuple[np.ndarray, np.ndarray | None]      # mean (61,) and draws (T, 61), if any
 POINT_SCORES = (("rmse", "RMSE"), ("rmse_best_scale", "scaled"), ("spectral_angle", "angle"))
@@ -280,7 +279,8 @@ def baselines(measurement: SpectralMeasurement, draws: int, seed: int,
               coefficients: int) -> dict[str, Estimate | None]:
     """Single spectra of other authors, and a greedy sampler's mean and draws; None if it has none.
     """
-    c, _ = greedy_draws(spline_operator(measurement, coefficients), draws, seed)
+    c, _ = greedy_draws(spectral_measurement.spline_operator(measurement, coefficients), draws,
+                        seed)
     spectra = c @ basis_matrix(PRIOR_GRID.nm, coefficients).T
     greedy = (spectra.mean(axis=0), spectra) if len(spectra) else None
     singles = {name: (spectrum, None) for name, spectrum in baseline_spectra(measurement).items()}

@@ -19,8 +19,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from spectrabox.radiometry.errors import ConvergenceError, InputError
-from spectrabox.sampling.polytope.simplex import SolveStatus, highest
-from spectrabox.sampling.polytope.tilt import check_operator
+from spectrabox.sampling.polytope import simplex, tilt
 from spectrabox.sampling.spectral_measurement import MeasurementOperator, check_noise
 
 
@@ -77,10 +76,10 @@ def bounds_of_many(A: np.ndarray, signals: np.ndarray, noise_covariance: np.ndar
                          "has that many coefficients")
     boxes = signal_boxes(A, signals, noise_covariance, level)
     lower, upper, ends = _extremes(boxes, basis)
-    if (empty := np.flatnonzero(ends == SolveStatus.EMPTY)).size:
+    if (empty := np.flatnonzero(ends == simplex.SolveStatus.EMPTY)).size:
         wider = boxes.of(empty, widenings(boxes.of(empty))[:, None])
         lower[empty], upper[empty], ends[empty] = _extremes(wider, basis)
-    for row in np.flatnonzero(ends != SolveStatus.DONE):
+    for row in np.flatnonzero(ends != simplex.SolveStatus.DONE):
         lower[row], upper[row] = bounds_of_one(boxes, int(row), basis)
     return lower, upper
 
@@ -101,7 +100,7 @@ def signal_boxes(A: np.ndarray, signals: np.ndarray, noise_covariance: np.ndarra
     InputError, CalibrationError
         As `bounds_of_many`.
     """
-    check_operator(MeasurementOperator(A, signals[0], noise_covariance[0]))
+    tilt.check_operator(MeasurementOperator(A, signals[0], noise_covariance[0]))
     if not np.all(np.isfinite(signals)):
         raise InputError("y of the measurement holds numbers that are not finite; measure or fit "
                          "that band again, or leave it out")
@@ -137,8 +136,8 @@ def widenings(boxes: SignalBoxes) -> np.ndarray:
     upper = np.ones((count, A.shape[2]))
     upper[:, coefficients] = away
     upper[:, coefficients + 1:] = np.tile(2 * (largest[:, None] + boxes.half_width), 2)
-    values, ends = highest(A, y, upper, -np.eye(1, A.shape[2], coefficients))
-    slack = np.where(ends == SolveStatus.DONE, -values[:, 0], 0.0)
+    values, ends = simplex.highest(A, y, upper, -np.eye(1, A.shape[2], coefficients))
+    slack = np.where(ends == simplex.SolveStatus.DONE, -values[:, 0], 0.0)
     # The solver's tolerance again, or the set could come out empty.
     return np.where(slack > LP_ATOL, slack + LP_ATOL, 0.0)
 
@@ -152,7 +151,7 @@ def _extremes(boxes: SignalBoxes,
     columns = np.concatenate([boxes.directions, sides], axis=2)
     upper = np.concatenate([np.ones((count, coefficients)), 2 * boxes.half_width], axis=1)
     functions = np.hstack([basis, np.zeros((len(basis), bands))])
-    values, ends = highest(columns, boxes.centre - boxes.half_width, upper,
+    values, ends = simplex.highest(columns, boxes.centre - boxes.half_width, upper,
                            np.vstack([functions, -functions[::-1]]))
     # Not -values: a bound of 0 must not read -0.
     return 0.0 - values[:, :len(basis) - 1:-1], values[:, :len(basis)], ends

@@ -12,8 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from spectrabox.radiometry import grid
-from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry import errors, grid
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement
 from spectrabox.sampling import spectral_measurement
 from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
@@ -38,8 +37,9 @@ def lifting(coarse: int, fine: int) -> np.ndarray:
     """
     if fine <= coarse or (fine - grid.DEGREE) % (coarse - grid.DEGREE):
         nested = [grid.DEGREE + factor * (coarse - grid.DEGREE) for factor in (2, 3, 4)]
-        raise InputError(f"{coarse} coefficients cannot be refined to {fine}: the knots do not "
-                         f"nest; take {', '.join(map(str, nested))}")
+        raise errors.InputError(
+            f"{coarse} coefficients cannot be refined to {fine}: the knots do not "
+            f"nest; take {', '.join(map(str, nested))}")
     return np.linalg.lstsq(grid.basis_matrix(grid.FINE_GRID.nm, fine),
                            grid.basis_matrix(grid.FINE_GRID.nm, coarse), rcond=None)[0]
 

@@ -18,8 +18,7 @@ from typing import Annotated
 
 import numpy as np
 
-from spectrabox.radiometry import errors
-from spectrabox.radiometry.shaped import Record
+from spectrabox.radiometry import errors, shaped
 from spectrabox.sampling.spectral_measurement import MeasurementOperator, check_noise
 
 # |h| under which the closed forms lose digits and three terms of the series do not
@@ -34,7 +33,7 @@ RUNAWAY = 1e30
 
 
 @dataclass(frozen=True, eq=False)
-class Tilt(Record):
+class Tilt(shaped.Record):
     """The tilt of one measurement. ``reachable``: some coefficients in [0, 1] give the signal
     without noise.
     """

@@ -21,10 +21,14 @@ import numpy as np
 from scipy.linalg import qr
 
 from spectrabox.radiometry.error_model import Errors
-from spectrabox.sampling.prior import calibrated_marginals, mixture_posterior, uplift_table
+from spectrabox.sampling.prior import (
+    calibrated_marginals,
+    mixture_posterior,
+    quantiles,
+    uplift_table,
+)
 from spectrabox.sampling.prior.level import with_stretch
 from spectrabox.sampling.prior.mixture import LogitMixture, logit, reflectance, reflectance_moments
-from spectrabox.sampling.prior.quantiles import stretched
 
 MAX_CENTRES = 1500          # at 2 to 3 ms each
 NEAR = 0.5                  # logits over all wavelengths: with every signal so near, it is enough
@@ -247,7 +251,7 @@ def _reflectances(drawn: mixture_posterior.MixturePosterior, component: np.ndarr
     first, second = np.zeros_like(logits), np.zeros_like(logits)
     for node, weight in zip(mixture_posterior.HERMITE_NODES, mixture_posterior.HERMITE_WEIGHTS,
                             strict=True):
-        values = reflectance(logits + stretched(node, skews) * deviations)
+        values = reflectance(logits + quantiles.stretched(node, skews) * deviations)
         first += weight * values
         second += weight * values**2
     return first, second, first - second

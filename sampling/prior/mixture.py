@@ -17,11 +17,9 @@ from typing import Annotated
 
 import numpy as np
 
+from spectrabox.radiometry import files, grid, shaped
 from spectrabox.radiometry.covariance import is_covariance
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import whole_file
-from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.system.archives import DamagedArchiveError, opened_npz
 from spectrabox.sampling.prior.families.family_names import WORDS, unknown_families
 from spectrabox.sampling.prior.family_coverage import BandCertificate, FamilyCertificate
@@ -34,7 +32,7 @@ from spectrabox.sampling.prior.level import (
     no_weight,
 )
 
-PRIOR_GRID = visible_grid(5)
+PRIOR_GRID = grid.visible_grid(5)
 SHIPPED = Path(__file__).parent / "models" / "surface_families.npz"
 EDGE = 0.004            # training reflectances are clipped to 0.004-0.996 before the logit
 MOMENT_DRAWS = 20000
@@ -52,7 +50,7 @@ SINGLE_PRECISION = ("means", "covariances", "band_factors", "stated_factors")
 
 
 @dataclass(frozen=True, eq=False)
-class Components(Record):
+class Components(shaped.Record):
     """Normal distributions of logits, D of them; the weights of each family sum to 1."""
 
     weights: Annotated[np.ndarray, "D"]
@@ -62,7 +60,7 @@ class Components(Record):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LogitMixture(Record):
+class LogitMixture(shaped.Record):
     """A prior of logit reflectances, C components on P wavelengths, and its calibration."""
 
     nm: Annotated[np.ndarray, "P"]
@@ -244,7 +242,7 @@ def save_prior(path: Path, prior: LogitMixture) -> None:
                                              np.float32 if name in SINGLE_PRECISION else np.float64)
                    for name in COMPONENTS}
     # opened here: NumPy would add .npz to a name without it
-    with whole_file(path) as unfinished, unfinished.open("wb") as file:
+    with files.whole_file(path) as unfinished, unfinished.open("wb") as file:
         np.savez_compressed(file, format=np.array(FORMAT), source=np.array(prior.source),
                             uniform_level=np.array(prior.uniform_level),
                             tail=np.array(prior.tail),

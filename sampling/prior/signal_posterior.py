@@ -14,22 +14,24 @@ from functools import cached_property
 
 import numpy as np
 
+from spectrabox.radiometry import errors, grid
 from spectrabox.radiometry.covariance import symmetric
-from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding, Severity
-from spectrabox.radiometry.grid import basis_matrix
 from spectrabox.radiometry.records.spectra import (
     Outcome,
     SpectralMeasurement,
     SpectrumSamples,
     StateEstimate,
 )
-from spectrabox.sampling import spectral_measurement
+from spectrabox.sampling import spectral_measurement, summary
 from spectrabox.sampling.polytope.tilt import is_reachable
-from spectrabox.sampling.prior import calibrated_marginals, mixture_posterior, state_posteriors
+from spectrabox.sampling.prior import (
+    calibrated_marginals,
+    mixture_posterior,
+    posterior_draws,
+    state_posteriors,
+)
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior, smoothness_prior
-from spectrabox.sampling.prior.posterior_draws import draw_reflectances
-from spectrabox.sampling.summary import error_budgets, shares_by_cause
 
 MENTIONED = 0.005               # share of a family that the outcome names
 # Of white. A signal that near to that of a perfect white or black, a band of which is there to
@@ -174,14 +176,15 @@ class SignalPosterior:
         noise = self.measurement.noise_covariance
         total = sum(causes.values(), np.zeros_like(noise))
         if np.abs(total - noise).max() > 1e-9 + 1e-6 * np.abs(total).max():
-            raise InputError("the covariances by cause do not add up to the noise covariance of "
-                             "the measurement")
+            raise errors.InputError(
+                "the covariances by cause do not add up to the noise covariance of "
+                "the measurement")
         mixture = state_posteriors.merged([part.mixture for part in self.parts],
                          np.array([[part.share] for part in self.parts]))
         likely = max(self.parts, key=lambda part: part.share)
         seen = likely.signal if likely.relative is None \
             else likely.relative_response @ likely.answer[0]
-        return error_budgets(
+        return summary.error_budgets(
             self.prior, likely.relative_response, seen[None], mixture,
             state_posteriors.grown_over_states(self.prior, self.parts, self.measurement, causes))
 
@@ -190,7 +193,7 @@ class SignalPosterior:
 
         ``causes`` are those of `variances_by_cause`.
         """
-        shares = shares_by_cause(self.variances_by_cause(causes))
+        shares = summary.shares_by_cause(self.variances_by_cause(causes))
         return {name: float(share[0]) for name, share in shares.items()}
 
     def draws(self, count: int, seed: int) -> np.ndarray:
@@ -231,7 +234,7 @@ class SignalPosterior:
         return np.concatenate(spectra)[order], np.concatenate(variables)[order]
 
     def _draws_in(self, part: state_posteriors.StatePosterior, count: int, seed: int) -> np.ndarray:
-        return draw_reflectances(self.prior, part.mixture, part.relative_response,
+        return posterior_draws.draw_reflectances(self.prior, part.mixture, part.relative_response,
                                  _inside(part.signal, part.total_noise), part.noise, count, seed,
                                  approximate=self.outcome in APPROXIMATE, relative=part.relative)
 
@@ -245,7 +248,7 @@ class SignalPosterior:
             As `draws`.
         """
         spectra, variables = self.draws_with_variables(count, seed)
-        splines = spectral_measurement.nearest_splines(spectra, basis_matrix(
+        splines = spectral_measurement.nearest_splines(spectra, grid.basis_matrix(
             PRIOR_GRID.nm, enough_coefficients(coefficients, self.measurement.signal.size)))
         return SpectrumSamples(PRIOR_GRID, spectra, splines, self.method, float(count), seed,
                                self.outcome, self.findings, variables)

@@ -13,8 +13,7 @@ import numpy as np
 
 from spectrabox.radiometry.error_model import split_errors
 from spectrabox.radiometry.records.spectra import Outcome
-from spectrabox.sampling.prior import mixture_posterior
-from spectrabox.sampling.prior.calibrated_marginals import marginal_moments, next_readings_nm
+from spectrabox.sampling.prior import calibrated_marginals, mixture_posterior
 from spectrabox.sampling.prior.mixture import LogitMixture, reflectance, smoothness_prior
 from spectrabox.sampling.spectral_measurement import check_bands
 from spectrabox.sampling.summary import (
@@ -111,8 +110,8 @@ def _of_mixture(prior: LogitMixture, relative_response: np.ndarray, signals: np.
                 level: float) -> PriorSummaries:
     errors = split_errors(signals, causes)
     relative = mixture_posterior.multiplying(errors.relative)
-    drawn, covariance = marginal_moments(prior, relative_response, signals, errors.absolute,
-                                         mixture, relative)
+    drawn, covariance = calibrated_marginals.marginal_moments(prior, relative_response, signals,
+                                                              errors.absolute, mixture, relative)
     mean, spread = mixture_posterior.mean_and_spread(drawn)
     lower, upper = mixture_posterior.central_band(drawn, level)
     seen = signals
@@ -122,6 +121,7 @@ def _of_mixture(prior: LogitMixture, relative_response: np.ndarray, signals: np.
         causes = about_answer(causes, signals, seen, mixture.log_errors[likely, rows])
     grown = grown_by_causes(prior, relative_response, mixture, causes)
     shares = shares_by_cause(error_budgets(prior, relative_response, seen, mixture, grown))
-    return PriorSummaries(mean, spread, lower, upper, next_readings_nm(covariance, spread),
+    return PriorSummaries(mean, spread, lower, upper,
+                          calibrated_marginals.next_readings_nm(covariance, spread),
                           prior.shares(mixture.weights), np.column_stack(list(shares.values())),
                           np.full(len(mean), Outcome.FAMILIAR, dtype=object))

@@ -18,8 +18,7 @@ from scipy.sparse import csr_array
 
 from spectrabox.radiometry.error_model import Errors
 from spectrabox.radiometry.errors import InputError
-from spectrabox.sampling.prior import mixture_posterior
-from spectrabox.sampling.prior.calibrated_marginals import marginal_moments
+from spectrabox.sampling.prior import calibrated_marginals, mixture_posterior
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 
 SIDE = 25                   # odd, so that grey is on the lattice
@@ -156,8 +155,9 @@ def _uplifted(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
             noise, relative = own.absolute[rows], mixture_posterior.multiplying(own.relative[rows])
             mixture = mixture_posterior.posterior(prior, relative_response, signals[rows], noise,
                                                   mixture, tolerance=tolerance, relative=relative)
-            drawn, _ = marginal_moments(prior, relative_response, signals[rows], noise, mixture,
-                                        relative)
+            drawn, _ = calibrated_marginals.marginal_moments(prior, relative_response,
+                                                             signals[rows], noise, mixture,
+                                                             relative)
             uplifted.mean[rows], uplifted.standard_deviation[
                 rows] = mixture_posterior.mean_and_spread(drawn)
             uplifted.novelty[rows] = np.maximum(

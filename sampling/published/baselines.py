@@ -16,9 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from spectrabox.radiometry import colour_science
-from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.grid import basis_matrix
+from spectrabox.radiometry import colour_science, errors, grid
 from spectrabox.radiometry.records import spectra
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.sampling import spectral_measurement
@@ -67,8 +65,9 @@ def to_tristimulus(relative_response: np.ndarray, signals: np.ndarray) -> np.nda
         If there are fewer than three bands.
     """
     if len(relative_response) < 3:
-        raise InputError(f"{len(relative_response)} bands give no colour; the baselines need three "
-                         "or more")
+        raise errors.InputError(
+            f"{len(relative_response)} bands give no colour; the baselines need three "
+            "or more")
     known = np.concatenate([*test_reflectances(PRIOR_GRID).values(),
                             np.ones((1000, PRIOR_GRID.nm.size))])
     matrix = np.linalg.lstsq(known @ relative_response.T,
@@ -154,7 +153,8 @@ def ranked(samples: spectra.SpectrumSamples, base: spectra.SpectralMeasurement,
         seen.append(samples.spectra**2 @ spectral_measurement.response_on(base, PRIOR_GRID).T)
         measured.append(twice)
     if not seen:
-        raise InputError("--best ranks draws by further measurements; give some, or leave it out")
+        raise errors.InputError(
+            "--best ranks draws by further measurements; give some, or leave it out")
     kept = best_by_signals(np.hstack(seen), np.concatenate(measured), keep)
     return replace(samples, spectra=samples.spectra[kept], coefficients=samples.coefficients[kept],
                    effective_samples=float(keep),
@@ -184,8 +184,9 @@ def best_by_signals(signals: np.ndarray, measured: np.ndarray, keep: int) -> np.
     """
     loss = np.sum((signals - measured).reshape(len(signals), -1)**2, axis=1)
     if not 1 <= keep <= loss.size:
-        raise InputError(f"the best {keep} of {loss.size} draws were asked for; ask for 1 to "
-                         f"{loss.size}")
+        raise errors.InputError(
+            f"the best {keep} of {loss.size} draws were asked for; ask for 1 to "
+            f"{loss.size}")
     return np.argsort(loss, kind="stable")[:keep]
 
 
@@ -215,11 +216,12 @@ def refined_as_published(measurement: spectra.SpectralMeasurement, coarse: int, 
     solution = spectral_measurement.nearest_coefficients(operator.A, operator.y)
     T = lifting(coarse, fine)
     start = np.clip(T @ solution, 0, 1)
-    fine_basis = basis_matrix(measurement.grid.nm, fine)
+    fine_basis = grid.basis_matrix(measurement.grid.nm, fine)
     directions = residual_directions(measurement.relative_response @ fine_basis, T)
     if not directions.shape[1]:
-        raise InputError(f"refining {coarse} coefficients to {fine} leaves no direction that the "
-                         "camera does not see; refine to more")
+        raise errors.InputError(
+            f"refining {coarse} coefficients to {fine} leaves no direction that the "
+            "camera does not see; refine to more")
     coefficients, acceptance = draw_in_box(start, directions, draws, seed)
     return spectral_measurement.CoefficientDraws(coefficients, acceptance, float(draws),
                                                  spectra.Outcome.CONVERGED)

@@ -22,11 +22,9 @@ import numpy as np
 
 from spectrabox.radiometry.errors import ConvergenceError, InputError
 from spectrabox.radiometry.records import spectra
-from spectrabox.sampling import spectral_measurement
-from spectrabox.sampling.polytope.tilt import check_operator, null_space
-from spectrabox.sampling.polytope.tilted_rejection import collect
+from spectrabox.sampling import spectral_measurement, uniform
+from spectrabox.sampling.polytope import tilt, tilted_rejection
 from spectrabox.sampling.prior.mixture import LogitMixture
-from spectrabox.sampling.uniform import as_spectra
 
 METHOD = "per-axis box as published (under-states the spread)"
 BOX_ATOL = 1e-9  # bounded least squares returns coefficients this far outside [0, 1]
@@ -61,7 +59,7 @@ def sample_published(measurement: spectra.SpectralMeasurement, draws: int, seed:
     spectral_measurement.check_measurement(measurement)
     spectral_measurement.check_draw_count(draws)
     operator = spectral_measurement.spline_operator(measurement, coefficients)
-    check_operator(operator)
+    tilt.check_operator(operator)
     if unbounded_start:
         start = np.linalg.lstsq(operator.A, operator.y, rcond=None)[0]
         if np.any((start < 0) | (start > 1)):
@@ -73,7 +71,7 @@ def sample_published(measurement: spectra.SpectralMeasurement, draws: int, seed:
         start = spectral_measurement.nearest_coefficients(operator.A, operator.y)
     box = sample_per_axis(operator, start, draws, seed)
     ended = () if box.outcome is spectra.Outcome.CONVERGED else (box.outcome.finding(),)
-    return as_spectra(box, METHOD, seed, spectra.Outcome.AS_PUBLISHED,
+    return uniform.as_spectra(box, METHOD, seed, spectra.Outcome.AS_PUBLISHED,
                       spectra.Outcome.AS_PUBLISHED.finding(), *ended)
 
 
@@ -105,14 +103,14 @@ def sample_per_axis(operator: spectral_measurement.MeasurementOperator, c0: np.n
     ConvergenceError
         If the acceptance is below about 1e-5.
     """
-    check_operator(operator)
+    tilt.check_operator(operator)
     if c0.shape != operator.A.shape[1:]:
         raise InputError(f"c0 has shape {c0.shape}; ({operator.A.shape[1]},) is needed")
     if not np.all((c0 >= -BOX_ATOL) & (c0 <= 1 + BOX_ATOL)):
         raise InputError(f"c0 runs from {c0.min():.3g} to {c0.max():.3g}; the method needs a start "
                          "within 0 to 1, as bounded least squares gives")
     start = np.clip(c0, 0, 1)
-    directions = null_space(operator)
+    directions = tilt.null_space(operator)
     coefficients, acceptance = draw_in_box(start, directions, draws, seed)
     # 1e-6 of white: the accuracy to which a least-squares start reproduces a signal that is within
     # reach.
@@ -159,4 +157,4 @@ def draw_in_box(start: np.ndarray, directions: np.ndarray, draws: int,
         c = start + (low + (high - low) * rng.random((proposals, low.size))) @ directions.T
         return c[np.all((c >= 0) & (c <= 1), axis=1)]
 
-    return collect(propose, draws)
+    return tilted_rejection.collect(propose, draws)

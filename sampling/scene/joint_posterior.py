@@ -28,8 +28,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from spectrabox.radiometry.errors import ConvergenceError, InputError
-from spectrabox.radiometry.records.scenes import LightTransport
-from spectrabox.radiometry.records.spectra import Outcome
+from spectrabox.radiometry.records import scenes, spectra
 from spectrabox.sampling.prior import mixture
 
 # of Levenberg-Marquardt; the fall of the cost, in nats, at which it has converged
@@ -95,7 +94,7 @@ class Modes:
     labels: np.ndarray
     z: np.ndarray
     evidence: np.ndarray
-    outcome: Outcome
+    outcome: spectra.Outcome
 
 
 def gaussian_of(prior: mixture.LogitMixture) -> tuple[np.ndarray, np.ndarray]:
@@ -112,7 +111,7 @@ def gaussian_of(prior: mixture.LogitMixture) -> tuple[np.ndarray, np.ndarray]:
     return mean, np.linalg.cholesky(covariance)
 
 
-def joint_problem(transport: LightTransport, response: np.ndarray, signal: np.ndarray,
+def joint_problem(transport: scenes.LightTransport, response: np.ndarray, signal: np.ndarray,
                   standard_error: np.ndarray, prior: mixture.LogitMixture,
                   common: np.ndarray | None = None, known: Mapping[str, np.ndarray] | None = None,
                   families: Mapping[str, Sequence[str]] | None = None,
@@ -221,7 +220,8 @@ def fit_modes(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> Modes
     """
     modes = [_fit_mode(problem, chosen, start) for chosen, start in zip(labels, z, strict=True)]
     z, evidence, converged = (np.array(part) for part in zip(*modes, strict=True))
-    return Modes(labels, z, evidence, Outcome.CONVERGED if converged.all() else Outcome.STEP_LIMIT)
+    return Modes(labels, z, evidence,
+                 spectra.Outcome.CONVERGED if converged.all() else spectra.Outcome.STEP_LIMIT)
 
 
 def residual_and_jacobian(problem: JointProblem, labels: np.ndarray,

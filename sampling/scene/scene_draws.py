@@ -12,10 +12,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.special import chdtrc
 
-from spectrabox.radiometry.covariance import error_patterns, is_covariance
-from spectrabox.radiometry.error_model import split_errors
+from spectrabox.radiometry import covariance, error_model, grid
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.grid import basis_matrix
 from spectrabox.radiometry.records.scenes import LightTransport
 from spectrabox.radiometry.records.spectra import Outcome, SpectrumSamples
 from spectrabox.sampling.prior import mixture
@@ -88,7 +86,7 @@ def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np
     draws_of_all = joint_sampling.sample_joint(problem, seed, modes, draws, EFFECTIVE)
     likely = surprise(problem, modes) >= SURPRISING
     outcome = Outcome.THROUGH_TRANSPORT if likely else Outcome.DISAGREES
-    basis = basis_matrix(mixture.PRIOR_GRID.nm, coefficients)
+    basis = grid.basis_matrix(mixture.PRIOR_GRID.nm, coefficients)
 
     def samples_of(spectra: np.ndarray) -> SpectrumSamples:
         return SpectrumSamples(mixture.PRIOR_GRID, spectra, nearest_splines(spectra, basis), METHOD,
@@ -121,12 +119,12 @@ def shared_errors(signal: np.ndarray, relative_covariance: np.ndarray, scale_err
     InputError
         For a covariance that is none, or errors that are negative.
     """
-    if not is_covariance(relative_covariance) \
+    if not covariance.is_covariance(relative_covariance) \
             or min(scale_error, colour_error, brightness_error) < 0:
         raise InputError("the calibration's relative covariance must be positive semi-definite and "
                          "the errors of scale and surfaces not negative; fit the calibration again")
     alike, apart = np.ones(signal.shape[1]), np.eye(signal.shape[1])
-    patterns = [*error_patterns(relative_covariance), scale_error * alike]
+    patterns = [*covariance.error_patterns(relative_covariance), scale_error * alike]
     of_surface = [brightness_error * alike, *(colour_error * apart)]
     errors = [signal * pattern for pattern in patterns if pattern.any()]
     for name in np.unique(surface) if surface is not None else ():
@@ -160,7 +158,8 @@ def split_shared(signal: np.ndarray, group: np.ndarray, causes: Mapping[str, np.
     common, logs = [np.zeros((0, *signal.shape))], [np.zeros((0, *of_groups.shape))]
     for cause, changes in causes.items():
         mean = sums @ changes                                                        # (Q', G, K)
-        relative = split_errors(of_groups, {cause: np.einsum("qgk,qgl->gkl", mean, mean)}).relative
+        relative = error_model.split_errors(of_groups,
+                                            {cause: np.einsum("qgk,qgl->gkl", mean, mean)}).relative
         multiplies = np.any(relative, axis=(1, 2))[:, None] & (of_groups > 0)
         logs.append(np.divide(mean, of_groups, out=np.zeros_like(mean),
                               where=np.broadcast_to(multiplies, mean.shape)))

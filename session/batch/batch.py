@@ -8,8 +8,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from spectrabox.radiometry.errors import EnvironmentProblem, InputError
-from spectrabox.radiometry.files import read_text
+from spectrabox.radiometry import errors, files
 from spectrabox.session.batch import executors, overview, tasks
 
 
@@ -32,16 +31,18 @@ def session_folders(named: Iterable[Path], listed: Path | None) -> list[Path]:
     folders = [folder.resolve() for folder in named]
     if listed is not None:
         try:
-            text = read_text(listed)
+            text = files.read_text(listed)
         except (OSError, ValueError) as error:
-            raise InputError(f"{listed} cannot be read as a list of sessions ({error}); give a "
-                             "text file with one folder a line") from None
+            raise errors.InputError(
+                f"{listed} cannot be read as a list of sessions ({error}); give a "
+                "text file with one folder a line") from None
         lines = [line.strip() for line in text.splitlines()]
         folders += [(listed.parent / line).resolve() for line in lines
                     if line and not line.startswith("#")]
     if not folders:
-        raise InputError("no session is named; give session folders, or --list FILE with one a "
-                         "line")
+        raise errors.InputError(
+            "no session is named; give session folders, or --list FILE with one a "
+            "line")
     return list(dict.fromkeys(folders))
 
 
@@ -80,7 +81,7 @@ def run_batch(order: tasks.Order, waiting: list[Path],
     checked = deque[tasks.Task]()
     for task, result in executors.run_tasks(
             workers, lambda: checked.popleft() if checked else next(new, None)):
-        outcome = tasks.failed(task, result.why, EnvironmentProblem.exit_code) \
+        outcome = tasks.failed(task, result.why, errors.EnvironmentProblem.exit_code) \
             if isinstance(result, executors.NotRun) else result
         if outcome.state == "ready":
             checked.append(replace(task, check=False, needed_bytes=outcome.needed_bytes))

@@ -30,10 +30,8 @@ from spectrabox.session.config.session_file import FILE_NAME, SessionConfig
 from spectrabox.session.kept_stages import stage_names
 from spectrabox.session.outputs.run_outputs import STAGE
 from spectrabox.session.report.page import TEMPLATES, style_sheet, templates
-from spectrabox.session.store.keys import input_files, program_digest
-from spectrabox.session.store.record_files import fingerprint, load_stage
-from spectrabox.session.terminal.command_line import tell
-from spectrabox.session.terminal.progress_display import StageProgress
+from spectrabox.session.store import keys, record_files
+from spectrabox.session.terminal import command_line, progress_display
 
 SESSIONS = "sessions"       # in the batch's folder
 
@@ -70,7 +68,7 @@ def program_of_batch() -> str:
     """Digest of what results depend on besides their session: the program, packages, and cameras
     kept under a name.
     """
-    return fingerprint({"program": program_digest(),
+    return record_files.fingerprint({"program": keys.program_digest(),
                         "cameras": {name: sha256_of(path) for name, path in own_cameras().items()}})
 
 
@@ -82,9 +80,9 @@ def input_states(config: SessionConfig) -> dict[str, tuple[int, int]]:
     dict
         Names as seen from the session folder, to bytes and nanoseconds.
     """
-    names = {FILE_NAME, *input_files(config, config.capture())}
+    names = {FILE_NAME, *keys.input_files(config, config.capture())}
     for stage in (*stage_names(config), STAGE):
-        stored = load_stage(config.results_folder, stage)
+        stored = record_files.load_stage(config.results_folder, stage)
         if stored is not None:
             names |= {*stored.key.get("files", {}), *stored.facts.get("outputs", {})}
     states = {name: _state(config.folder / name) for name in sorted(names)}
@@ -155,7 +153,8 @@ class BatchProgress:
         Print a line for each session too.
     """
 
-    def __init__(self, show: StageProgress, sessions: int, kept: int, lines: bool) -> None:
+    def __init__(self, show: progress_display.StageProgress, sessions: int, kept: int,
+                 lines: bool) -> None:
         self._show, self._lines = show, lines
         self._sessions, self._kept = sessions, kept
         self._ended = self._failed = 0
@@ -174,7 +173,8 @@ class BatchProgress:
         if left:
             count += f", {duration_text(pace * left)} left"
         if self._lines:
-            tell(f"{outcome.word:<6} {outcome.folder} in {outcome.seconds:.1f} s; {count}")
+            command_line.tell(
+                f"{outcome.word:<6} {outcome.folder} in {outcome.seconds:.1f} s; {count}")
         self._show("batch", ended / self._sessions, count)
 
 

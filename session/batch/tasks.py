@@ -6,18 +6,14 @@ import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from spectrabox.capture.photo.linear import photo_size
-from spectrabox.capture.photo.metadata import photo_metadata
-from spectrabox.measure import texts
-from spectrabox.measure.extras import attempt, different
+from spectrabox.capture.photo import linear, metadata
+from spectrabox.measure import extras, texts
 from spectrabox.measure.steps.declared_steps import INVERSION
 from spectrabox.radiometry import errors
+from spectrabox.session import kept_stages, pipeline, problems
 from spectrabox.session.batch import overview
 from spectrabox.session.config.session_file import SessionConfig, read_session
-from spectrabox.session.kept_stages import stage_names
 from spectrabox.session.outputs.run_outputs import outputs_of_run
-from spectrabox.session.pipeline import run_stages
-from spectrabox.session.problems import check_session
 from spectrabox.session.report.pictures import picture_data_uri
 from spectrabox.session.store.locks import only_writer
 from spectrabox.session.terminal.command_line import describe_error
@@ -85,7 +81,7 @@ def first_task(folder: Path, order: Order) -> Task:
     task = Task(folder, order, check=False, needed_bytes=0)
     try:
         config = read_session(folder, order.allow_outside)
-        return replace(task, check=INVERSION.name in stage_names(config),
+        return replace(task, check=INVERSION.name in kept_stages.stage_names(config),
                        needed_bytes=needed_bytes(config))
     except errors.SpectraboxError:
         return task
@@ -100,7 +96,7 @@ def failed(task: Task, sentence: str, exit_code: int) -> overview.Outcome:
 def _check(task: Task) -> overview.Outcome:
     order = task.order
     with only_writer(task.folder, "spectrabox batch"):
-        result = check_session(task.folder, order.allow_outside, order.device,
+        result = problems.check_session(task.folder, order.allow_outside, order.device,
                                  order.out / SHARED)
     if result.problems:
         return failed(task, "\n".join(each.sentence for each in result.problems),
@@ -116,16 +112,16 @@ def _run(task: Task) -> overview.Outcome:
     order = task.order
     config = read_session(task.folder, order.allow_outside)
     with only_writer(config.folder, "spectrabox batch"):
-        finished = run_stages(config, device=order.device, only=None, force=False, progress=quiet,
-                              shared=order.out / SHARED)
+        finished = pipeline.run_stages(config, device=order.device, only=None, force=False,
+                                       progress=quiet, shared=order.out / SHARED)
         # as 'run' has it: the command that makes these results again
         words = ["spectrabox", "run", task.folder.name, "--device", order.device]
         outputs = outputs_of_run(config, finished, words, order.device, quiet)
         facts = outputs.facts
         files = overview.input_states(config)
-        photo = photo_metadata(config.path(config.all_views[0].photo_files[0]))
+        photo = metadata.photo_metadata(config.path(config.all_views[0].photo_files[0]))
         preview = config.results_folder / "photo" / "preview.png"
-        thumbnail, fault = attempt("picture of the photo", lambda: picture_data_uri(
+        thumbnail, fault = extras.attempt("picture of the photo", lambda: picture_data_uri(
             preview, THUMBNAIL_PX), "")
     return overview.Outcome(str(task.folder), "done", config.session.name, facts["verdict"],
                    facts.get("says", ""), report=facts["report"],
@@ -133,7 +129,7 @@ def _run(task: Task) -> overview.Outcome:
                            for name, stage in finished.stored.items()},
                    needed_bytes=task.needed_bytes, files=files, camera=photo.camera,
                    taken_at=photo.taken_at, thumbnail=thumbnail,
-                   failed_extras=tuple(texts.sentence(one) for one in different(
+                   failed_extras=tuple(texts.sentence(one) for one in extras.different(
                        (*outputs.failed, *(() if fault is None else (fault,))))))
 
 
@@ -149,7 +145,7 @@ def needed_bytes(config: SessionConfig) -> int:
         If a photo is missing or none.
     """
     def pixels(names: list[str]) -> int:
-        sizes = [photo_size(config.path(name)) for name in names]
+        sizes = [linear.photo_size(config.path(name)) for name in names]
         return sum(width * height for width, height in sizes)
 
     correcting = pixels([*config.photos.flats.values(), *config.photos.dark_files[:1]])

@@ -13,7 +13,7 @@ from spectrabox.calibrate.prior.learnt_prior import SUFFIXES, cameras_of_file
 from spectrabox.capture.chart.quality import ChartVerdict
 from spectrabox.capture.develop.developed import develop_photos
 from spectrabox.capture.photo.preview import photo_orientation
-from spectrabox.measure import chart_patches
+from spectrabox.measure import captured, chart_patches
 from spectrabox.measure.camera import (
     ERROR_PREFIX,
     CameraFit,
@@ -21,18 +21,15 @@ from spectrabox.measure.camera import (
     chart_in_photo,
     judged_chart,
 )
-from spectrabox.measure.captured import Capture, FlatCapture, SceneCapture
-from spectrabox.measure.shoot.captures import capture_of
+from spectrabox.measure.shoot import captures, shoot
 from spectrabox.measure.shoot.inputs import Inputs
-from spectrabox.measure.shoot.shoot import Shoot
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.charts.layouts import chart_layout
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import read_text, whole_file, write_text_whole
 from spectrabox.radiometry.records import spectra
 from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PatchSamples
-from spectrabox.radiometry.spectra import spectrum_files
-from spectrabox.radiometry.spectra.cameras import cameras_folder, keep_camera
+from spectrabox.radiometry.spectra import cameras, spectrum_files
 from spectrabox.radiometry.system.words import is_whole_number
 from spectrabox.session.terminal.command_line import CORNERS, pixel_numbers
 
@@ -156,9 +153,11 @@ def _is_number(cell: str) -> bool:
 
 # ---- what the camera commands read and write -----------------------------------------------------
 
+
 def stated_of_charts(photos: Sequence[Path], lights: Sequence[str], references: Sequence[str],
                      corners: Sequence[str], layout: str, leave_out: str, method: str | None,
-                     prior: Path | None, curves: Path | None) -> list[FlatCapture | SceneCapture]:
+                     prior: Path | None,
+                     curves: Path | None) -> list[captured.FlatCapture | captured.SceneCapture]:
     """What is stated of each photo of a chart, its spectra and files read.
 
     Parameters
@@ -186,7 +185,7 @@ def stated_of_charts(photos: Sequence[Path], lights: Sequence[str], references: 
         light, reference, quad = (
             None if not values else values[index if len(values) > 1 else 0]
             for values in (lights, references, quads))
-        stated.append(capture_of(Shoot.from_command({
+        stated.append(captures.capture_of(shoot.Shoot.from_command({
             "photos": {"object": str(photo)}, "regions": {}, "light": {"spectrum": light},
             "chart": {"reference": reference, "corners_px": quad,
                       "leave_out": numbers_of_patches(leave_out)}
@@ -199,7 +198,7 @@ def stated_of_charts(photos: Sequence[Path], lights: Sequence[str], references: 
 
 
 def charts_shown(photos: Sequence[Path], tables: Sequence[Path],
-                 stated: Sequence[Capture]) -> list[ChartSignals]:
+                 stated: Sequence[captured.Capture]) -> list[ChartSignals]:
     """The patches of the chart in each photo, or of each table of signals.
 
     Parameters
@@ -333,7 +332,7 @@ def add_cameras(sources: Sequence[Path]) -> tuple[list[str], list[str], Path]:
         try:
             for name, (nm, curves) in cameras_of_file(path).items():
                 bands = spectra.default_band_names(len(curves))
-                keep_camera(name, nm, dict(zip(bands, curves, strict=True)),
+                cameras.keep_camera(name, nm, dict(zip(bands, curves, strict=True)),
                             f"{name}, from {path.name}")
                 kept.append(name)
         except InputError as error:
@@ -341,7 +340,7 @@ def add_cameras(sources: Sequence[Path]) -> tuple[list[str], list[str], Path]:
     if not kept:
         raise InputError(skipped[0] if skipped else "there are no files of camera curves there; "
                          ".json (rawtoaces) or .csv are needed")
-    return kept, skipped, cameras_folder()
+    return kept, skipped, cameras.cameras_folder()
 
 
 def _camera_files(sources: Sequence[Path]) -> Sequence[Path]:

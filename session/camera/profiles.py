@@ -15,11 +15,10 @@ from spectrabox.calibrate.colour_profile import ILLUMINANTS, IlluminantMatrices
 from spectrabox.capture.photo.raw import decode
 from spectrabox.measure.profiles.camera_profile import CameraProfile, camera_matrices
 from spectrabox.measure.profiles.colour_profile import colour_profile, response_of_curves
+from spectrabox.radiometry import files, profile_files
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import whole_file, write_text_whole
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.profile_files import FORMS as PROFILE_FORMS
-from spectrabox.radiometry.profile_files import write_profile
 from spectrabox.radiometry.records.spectra import WavelengthGrid
 from spectrabox.radiometry.spectra.named_spectra import light as light_named
 from spectrabox.radiometry.spectra.named_spectra import sensitivities
@@ -79,7 +78,7 @@ def write_profiles(sensitivity: str, camera: str, out: Sequence[Path], light: st
         elif path.suffix.lower() == ".txt":
             write_vkdt(path, grid.nm, curves)
         elif path.suffix.lower() in PROFILE_FORMS:
-            write_profile(path, f"{camera} {light}",
+            profile_files.write_profile(path, f"{camera} {light}",
                           profile.colours.matrix.coefficients, profile.colours.table.xyz)
         else:
             write_dcp(path, camera, f"{camera} spectrabox",
@@ -131,12 +130,12 @@ def write_rawtoaces(path: Path, maker: str, model: str, nm: np.ndarray, curves: 
                           "data": {"main": {
                               str(point): [float(f"{value:.9g}") for value in row]
                               for point, row in zip(NM, _on_table(nm, curves).T, strict=True)}}}}
-    write_text_whole(path, json.dumps(document, indent=4) + "\n")
+    files.write_text_whole(path, json.dumps(document, indent=4) + "\n")
 
 
 def write_vkdt(path: Path, nm: np.ndarray, curves: np.ndarray) -> None:
     """Curves (3, P) as ``vkdt-mkclut`` reads them: wavelength, red, green, blue; no header."""
-    write_text_whole(path, "".join(
+    files.write_text_whole(path, "".join(
         f"{point} " + " ".join(f"{value:.13f}" for value in row) + "\n"
         for point, row in zip(NM, (_on_table(nm, curves) / curves.max()).T, strict=True)))
 
@@ -160,7 +159,7 @@ def write_dcp(path: Path, camera: str, name: str, matrices: dict[str, Illuminant
               50779: (SHORT, 1, struct.pack("<H", numbers[1])), 50936: _text(name),
               50941: (LONG, 1, struct.pack("<L", UNRESTRICTED)), 50942: _text("made by spectrabox"),
               50964: _matrix(first.forward), 50965: _matrix(second.forward)}
-    with whole_file(path) as unfinished:
+    with files.whole_file(path) as unfinished:
         unfinished.write_bytes(struct.pack("<4sL", b"IIRC", 8) + _directory(fields, 8))
 
 

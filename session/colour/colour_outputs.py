@@ -9,9 +9,7 @@ import numpy as np
 
 from spectrabox.calibrate.colour_profile import stated_transform
 from spectrabox.capture.photo.image_writers import write_tiff16
-from spectrabox.measure import texts
-from spectrabox.measure.captured import FlatCapture
-from spectrabox.measure.opened_photos import develop
+from spectrabox.measure import captured, opened_photos, texts
 from spectrabox.measure.profiles.archive_quantities import (
     FADGI,
     ISO,
@@ -29,13 +27,9 @@ from spectrabox.measure.profiles.colour_profile import (
     response_of_calibration,
 )
 from spectrabox.measure.steps.signals import flat_errors, flat_photos
-from spectrabox.radiometry.appearance import ciede2000
-from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry import appearance, errors, grid, interreflection, profile_files
 from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.findings import Finding
-from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.interreflection import relative_response
-from spectrabox.radiometry.profile_files import SPACES, write_profile
 from spectrabox.session.config.session_file import SessionConfig
 from spectrabox.session.kept_stages import FinishedRun
 from spectrabox.session.report.page import style_sheet, templates
@@ -67,37 +61,41 @@ def write_colour(config: SessionConfig, run: FinishedRun, folder: Path, space: s
         For a session of a scene, or of a camera of other than three bands.
     """
     capture = run.capture
-    if not isinstance(capture, FlatCapture):
-        raise InputError("spectrabox colour takes a session of flat samples; of a camera alone "
-                         "'spectrabox camera profile' writes profiles")
+    if not isinstance(capture, captured.FlatCapture):
+        raise errors.InputError(
+            "spectrabox colour takes a session of flat samples; of a camera alone "
+            "'spectrabox camera profile' writes profiles")
     records, view = run.records, capture.views[0]
     calibration, chart = records.calibrations(capture.views)[0], records.chart.charts[""]
     fit, layout = records.calibrate.chart, capture.layout
     if len(calibration.sensitivity.curves) != 3 or fit is None:
-        raise InputError("a colour profile is of a camera of three bands, R, G and B, that was "
-                         f"calibrated by a chart; {view.photo_names[0]} has "
-                         f"{len(calibration.sensitivity.curves)}")
-    photo, _ = develop(capture, view.photo)
+        raise errors.InputError(
+            "a colour profile is of a camera of three bands, R, G and B, that was "
+            f"calibrated by a chart; {view.photo_names[0]} has "
+            f"{len(calibration.sensitivity.curves)}")
+    photo, _ = opened_photos.develop(capture, view.photo)
     own = photo.camera_from_xyz
     response, draws = response_of_calibration(calibration)
     profile = colour_profile(response, draws, families or _stated_families(capture), own)
     camera = chart.thumbnail.camera or "camera"
-    files = [path for name in ("camera.icc", "camera.ocio")
-             for path in write_profile(folder / name, f"{camera}, {config.session.name}",
-                                       profile.matrix.coefficients, profile.table.xyz)]
+    files = [
+        path for name in ("camera.icc", "camera.ocio")
+        for path in profile_files.write_profile(folder / name, f"{camera}, {config.session.name}",
+                                                profile.matrix.coefficients, profile.table.xyz)
+    ]
     picture, clipped = colour_picture(
         relative_signals(photo, flat_photos(capture, records)[0], capture.known,
-                         flat_errors(capture, records)), profile.table, SPACES[space])
-    write_tiff16(folder / PHOTO, picture, SPACES[space].profile)
+                         flat_errors(capture, records)), profile.table, profile_files.SPACES[space])
+    write_tiff16(folder / PHOTO, picture, profile_files.SPACES[space].profile)
     reflectances = capture.lit_chart.reflectances
-    relative = reflectances @ relative_response(calibration, FINE_GRID).T
+    relative = reflectances @ interreflection.relative_response(calibration, grid.FINE_GRID).T
     glare = records.calibrate.whites[""].glare
     patches = chart_colours(chart.samples, (fit.predicted - glare) / relative, glare, reflectances,
                             profile.table, layout.names, layout.neutrals,
                             None if own is None else stated_transform(own))
     quantities = archive_quantities(patches, records.flat_signals.light[view.name].over_photo)
     facts = {"files": [str(path) for path in (*files, folder / PHOTO, folder / PAGE)],
-             "space": SPACES[space].name, "clipped": clipped,
+             "space": profile_files.SPACES[space].name, "clipped": clipped,
              "delta_e00": profile.facts(),
              "chart": {"mean": float(patches.differences.mean()),
                        "by_own_matrix": _own_mean(patches)},
@@ -107,7 +105,7 @@ def write_colour(config: SessionConfig, run: FinishedRun, folder: Path, space: s
     return facts, _text(facts, profile)
 
 
-def _stated_families(capture: FlatCapture) -> list[str]:
+def _stated_families(capture: captured.FlatCapture) -> list[str]:
     """Families of the regions, if every one states its own."""
     stated = [region.families for region in capture.regions.values() if region.known is None]
     return sorted({name for families in stated for name in families}) if all(stated) else []
@@ -116,7 +114,7 @@ def _stated_families(capture: FlatCapture) -> list[str]:
 def _own_mean(patches: ChartColours) -> float | None:
     if patches.own is None:
         return None
-    return float(np.mean(ciede2000(patches.own, patches.reference)))
+    return float(np.mean(appearance.ciede2000(patches.own, patches.reference)))
 
 
 def _quantity_facts(one: ArchiveQuantity) -> dict[str, Any]:

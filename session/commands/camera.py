@@ -6,17 +6,14 @@ from typing import Annotated
 
 import typer
 
-from spectrabox.session.commands.requests import (
-    METHODS,
-    PriorFile,
-)
-from spectrabox.session.terminal import command_line
-from spectrabox.session.terminal.command_help import Commands
+from spectrabox.session.commands import requests
+from spectrabox.session.terminal import command_help, command_line
 
 PRIORS = {".npz": "a prior on curves"}
 CURVES = {".csv": "the curves and their standard errors"}
 DRAWS = {".npz": "draws of the curves"}
-camera = Commands(help="Sensitivities of a camera: measured on a chart, or known by its name.")
+camera = command_help.Commands(
+    help="Sensitivities of a camera: measured on a chart, or known by its name.")
 
 
 def register(app: typer.Typer) -> None:
@@ -49,7 +46,8 @@ def fit(
             metavar="CSV", help="Signals, a row for each patch, in place of a photo; columns named "
             "standard_error... hold their errors.")] = (),
     method: Annotated[
-        str | None, typer.Option(metavar="|".join(METHODS), help="{sensitivity.method}")] = None,
+        str | None,
+        typer.Option(metavar="|".join(requests.METHODS), help="{sensitivity.method}")] = None,
     curves: Annotated[
         Path | None,
         typer.Option(metavar="CSV", help="Measured curves, with method file.")] = None,
@@ -69,7 +67,7 @@ def fit(
                            "repeated.")] = (),
     leave_out: Annotated[
         str, typer.Option(metavar="N,N...", show_default=False, help="{chart.leave_out}")] = "",
-    prior_file: PriorFile = None,
+    prior_file: requests.PriorFile = None,
     keep: Annotated[
         str | None,
         typer.Option(metavar="NAME", help="Keep the curves under this name, for --sensitivity NAME."
@@ -82,9 +80,9 @@ def fit(
     Of several photos the first --light and --reference belong to the first photo, the second to the
     second; one alone serves all.
     """
-    if method is not None and method not in METHODS:
+    if method is not None and method not in requests.METHODS:
         raise command_line.UsageProblem(
-            f"--method {method} is not known; known are {', '.join(METHODS)}")
+            f"--method {method} is not known; known are {', '.join(requests.METHODS)}")
     photos = (*photos, *chart)
     if bool(photos) == bool(patches):
         raise command_line.UsageProblem("give either photos of a chart or --patches CSV")

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from spectrabox.session.terminal import command_line
-from spectrabox.session.terminal.command_help import Commands
+from spectrabox.session.terminal import command_help, command_line
 
 if TYPE_CHECKING:
     from spectrabox.measure.more_bands.filter_fit import MeasuredFilter
@@ -17,7 +16,8 @@ WRITTEN = {".csv": "the transmittance with its standard error"}
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
-    filters = Commands(name="filter", help="Filters before lens or lamp: their transmittance.")
+    filters = command_help.Commands(name="filter",
+                                    help="Filters before lens or lamp: their transmittance.")
     filters.command()(fit)
     app.add_typer(filters)
 

@@ -8,8 +8,7 @@ import typer
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.commands.lamp import beam, light
-from spectrabox.session.terminal import command_line
-from spectrabox.session.terminal.command_help import Commands
+from spectrabox.session.terminal import command_help, command_line
 
 if TYPE_CHECKING:
     import numpy as np
@@ -30,8 +29,9 @@ LensFile = Annotated[Path | None, typer.Option("--lens", metavar="lens.json",
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
-    group = Commands(help="Lens and position of the camera, photos without distortion, position "
-                          "and beam of the lamp.")
+    group = command_help.Commands(
+        help="Lens and position of the camera, photos without distortion, position "
+        "and beam of the lamp.")
     for function in (board, lens, pose, box, undistort, light, beam):
         group.command()(function)
     app.add_typer(group, name="geometry")

@@ -12,8 +12,7 @@ import typer
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.system.words import is_whole_number
-from spectrabox.session.terminal import command_line
-from spectrabox.session.terminal.command_help import Commands
+from spectrabox.session.terminal import command_help, command_line
 
 if TYPE_CHECKING:
     from spectrabox.capture.meter.instruments.interface import MeterSettings
@@ -37,7 +36,8 @@ Png = Annotated[Path | None, typer.Option(
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
-    meter = Commands(name="meter", help="Instruments that measure spectra, on the serial line.")
+    meter = command_help.Commands(name="meter",
+                                  help="Instruments that measure spectra, on the serial line.")
     for function in (identify, measure, replay):
         meter.command()(function)
     meter.command("list")(list_of_ports)

@@ -10,10 +10,7 @@ from typing import Annotated, Literal, get_args
 
 import typer
 
-from spectrabox.session.terminal.command_line import (
-    Outside,
-    Quiet,
-)
+from spectrabox.session.terminal import command_line
 
 OBSERVER = "CIE 1931 2 Degree Standard Observer"
 METHODS = ("prior", "smooth", "nonnegative", "paper", "file")      # of camera fit
@@ -102,7 +99,7 @@ class UpliftRequest:
     to: Annotated[Literal["exr", "tiled-exr", "envi", "zarr"], typer.Option(
         "--to", help="exr: spectral EXR, of scan lines or tiled-exr: of tiles; envi: ENVI images "
         "of single floats; zarr: OME-Zarr images, as napari opens them.")] = "exr"
-    quiet: Quiet = False
+    quiet: command_line.Quiet = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,4 +118,4 @@ class AdviseRequest(MeasuredSignal):
         "bands, or one for each.")] = None
     lamps: Lamps = None
     filters: Filters = None
-    allow_outside: Outside = False
+    allow_outside: command_line.Outside = False

@@ -10,8 +10,7 @@ import typer
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.system.words import is_whole_number
-from spectrabox.session.terminal import command_line
-from spectrabox.session.terminal.command_help import Commands
+from spectrabox.session.terminal import command_help, command_line
 
 if TYPE_CHECKING:
     import numpy as np
@@ -28,7 +27,7 @@ QUANTITIES = "reflectance|radiance|irradiance|relative"
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
-    spectrum = Commands(name="spectrum", help="Spectral files.")
+    spectrum = command_help.Commands(name="spectrum", help="Spectral files.")
     for function in (show, convert):
         spectrum.command()(function)
     app.add_typer(spectrum)

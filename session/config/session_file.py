@@ -8,13 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from spectrabox.measure.captured import FlatCapture, SceneCapture
-from spectrabox.measure.shoot import shoot
-from spectrabox.measure.shoot.captures import capture_of
+from spectrabox.measure.shoot import captures, rules, shoot
 from spectrabox.measure.shoot.inputs import Inputs
-from spectrabox.measure.shoot.rules import faults_of
-from spectrabox.radiometry import checked_tables
-from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import read_bytes_of_text
+from spectrabox.radiometry import checked_tables, errors, files
 
 FILE_NAME = shoot.FILE_NAME
 
@@ -33,7 +29,7 @@ class SessionConfig(shoot.Shoot):
 
     def capture(self) -> FlatCapture | SceneCapture:
         """What it measures, with everything read but its photos; raises as ``capture_of``."""
-        return capture_of(self, self.inputs)
+        return captures.capture_of(self, self.inputs)
 
     @property
     def results_folder(self) -> Path:
@@ -56,7 +52,7 @@ def read_session(folder: Path, allow_outside: bool = False) -> SessionConfig:
     """
     config, problems = try_read_session(folder, allow_outside)
     if config is None:
-        raise InputError("\n".join(problems))
+        raise errors.InputError("\n".join(problems))
     return config
 
 
@@ -66,7 +62,7 @@ def try_read_session(folder: Path,
     try:
         content = session_content(folder)
         text = text_of(content)
-    except InputError as error:
+    except errors.InputError as error:
         return None, [str(error)]
     config, problems = session_of_text(text, folder, allow_outside)
     if config is not None:
@@ -84,13 +80,13 @@ def session_content(folder: Path) -> bytes:
     """
     path = folder / FILE_NAME
     if folder.is_file():
-        raise InputError(f"{folder} is a file; give the session folder, {folder.parent}")
+        raise errors.InputError(f"{folder} is a file; give the session folder, {folder.parent}")
     if not path.is_file():
-        raise InputError(f"{path} is missing: write one with 'spectrabox new {folder}'")
+        raise errors.InputError(f"{path} is missing: write one with 'spectrabox new {folder}'")
     try:
-        return read_bytes_of_text(path, checked_tables.MAX_TOML_BYTES)
+        return files.read_bytes_of_text(path, checked_tables.MAX_TOML_BYTES)
     except OSError as error:
-        raise InputError(f"{path} cannot be read ({error.strerror}): change its "
+        raise errors.InputError(f"{path} cannot be read ({error.strerror}): change its "
                          "permissions") from None
 
 
@@ -105,7 +101,7 @@ def text_of(content: bytes) -> str:
     try:
         text = io.StringIO(content.decode("utf-8-sig"), newline=None).read()
     except ValueError as error:
-        raise InputError(f"{FILE_NAME} is not valid TOML: {error}") from None
+        raise errors.InputError(f"{FILE_NAME} is not valid TOML: {error}") from None
     checked_tables.require_plain_toml(text, FILE_NAME)
     return text
 
@@ -122,7 +118,7 @@ def toml_of(text: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:    # also numbers of 5000 digits, deep nesting
-        raise InputError(f"{FILE_NAME} is not valid TOML: {error}") from None
+        raise errors.InputError(f"{FILE_NAME} is not valid TOML: {error}") from None
 
 
 def session_of_text(text: str, folder: Path,
@@ -144,7 +140,7 @@ def session_of_text(text: str, folder: Path,
 
 def inconsistencies(config: SessionConfig) -> list[str]:
     """A sentence for every pair of keys that do not go together."""
-    return [f"{FILE_NAME}: {fault}" for fault in faults_of(config, config.inputs)]
+    return [f"{FILE_NAME}: {fault}" for fault in rules.faults_of(config, config.inputs)]
 
 
 def tables_of_text(text: str, folder: Path,
@@ -159,6 +155,6 @@ def tables_of_text(text: str, folder: Path,
     try:
         written = toml_of(text)
         shoot.Shoot.from_toml(written)
-    except InputError as error:
+    except errors.InputError as error:
         return None, str(error).splitlines()
     return SessionConfig(folder=folder, allow_outside=allow_outside, **written), []

@@ -20,17 +20,13 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from spectrabox.capture.photo import preview
-from spectrabox.capture.photo.image_files import require_linear_file
+from spectrabox.capture.photo import image_files, preview
 from spectrabox.measure.captured import FIRST_PHOTO
-from spectrabox.radiometry import checked_tables, files
-from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry import checked_tables, errors, files
 from spectrabox.radiometry.records.photos import LinearImage
-from spectrabox.radiometry.spectra.light_words import UNKNOWN
-from spectrabox.radiometry.spectra.spectrum_files import require_fraction
+from spectrabox.radiometry.spectra import light_words, spectrum_files
 from spectrabox.radiometry.system.words import file_stem
-from spectrabox.session.config.session_file import FILE_NAME
-from spectrabox.session.config.template import SCHEMA_NAME, write_schema
+from spectrabox.session.config import session_file, template
 
 MARK = "# as 'spectrabox flat' wrote it: "
 SUFFIX = "-flat"
@@ -82,12 +78,12 @@ def new_session(tables: Tables, folder: Path | None) -> Iterator[Path]:
     for path in (*map(photos.get, PHOTO_KEYS),
                  *(view["photo"] for view in (tables.get("views") or {}).values())):
         if path is not None and not path.is_file():
-            raise InputError(f"{path} is missing; give the name of a photo")
+            raise errors.InputError(f"{path} is missing; give the name of a photo")
         if path is not None and not photos.get("not_linear"):
-            require_linear_file(path)
+            image_files.require_linear_file(path)
     made = not folder.exists()
     if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder} is a file; name another folder with --session")
+        raise errors.InputError(f"{folder} is a file; name another folder with --session")
     _require_unedited(folder)
     try:
         with files.writable(folder.parent):
@@ -107,9 +103,11 @@ def tables_without_regions(photo: Path, *others: Path) -> Tables:
     photo, *others : Path
         From one tripod, each under an unknown light of its own.
     """
-    return {**tables_of_photo(photo), "light": {"spectrum": UNKNOWN},
-            "views": views_of(photo, [(other, {"light": UNKNOWN}) for other in others]) or None,
-            "regions": {}}
+    return {
+        **tables_of_photo(photo), "light": {"spectrum": light_words.UNKNOWN}, "views":
+        views_of(photo, [(other, {"light": light_words.UNKNOWN}) for other in others]) or None,
+        "regions": {}
+    }
 
 
 def tables_of_photo(photo: Path, **stated: Any) -> Tables:
@@ -144,7 +142,7 @@ def views_of(photo: Path, further: Iterable[tuple[Path, dict[str, Any]]]) -> Tab
     for path, said in further:
         name = _name(path)
         if (other := given.get(name)) is not None:
-            raise InputError(f"{path} is given twice; give each photo once"
+            raise errors.InputError(f"{path} is given twice; give each photo once"
                              if path.resolve() == other.resolve() else
                              f"{other} and {path} have one name, after which results are named; "
                              "rename one")
@@ -206,17 +204,19 @@ def _name(photo: Path) -> str:
 
 
 def _require_unedited(folder: Path) -> None:
-    written = folder / FILE_NAME
+    written = folder / session_file.FILE_NAME
     if not written.exists():
         if folder.exists() and any(folder.iterdir()):
-            raise InputError(f"{folder} exists and holds no session; name another folder with "
-                             "--session")
+            raise errors.InputError(
+                f"{folder} exists and holds no session; name another folder with "
+                "--session")
         return
     body, mark, digest = written.read_text(encoding="utf-8").rpartition(MARK)
     if not mark or digest.strip() != _digest(body):
-        raise InputError(f"{written} was edited since 'spectrabox flat' wrote it, or is another "
-                         f"session; run it with 'spectrabox run {folder}', or name another folder "
-                         "with --session")
+        raise errors.InputError(
+            f"{written} was edited since 'spectrabox flat' wrote it, or is another "
+            f"session; run it with 'spectrabox run {folder}', or name another folder "
+            "with --session")
 
 
 def _write(tables: Tables, folder: Path) -> None:
@@ -230,16 +230,16 @@ def _write(tables: Tables, folder: Path) -> None:
                                if "known" in region else {})
                for name, region in tables["regions"].items()}
     body = toml_text(_in_session(tables | {"photos": photos, "regions": regions}, folder))
-    files.write_text_whole(folder / FILE_NAME, f"{body}{MARK}{_digest(body)}\n")
-    if not (folder / SCHEMA_NAME).exists():
-        write_schema(folder)
+    files.write_text_whole(folder / session_file.FILE_NAME, f"{body}{MARK}{_digest(body)}\n")
+    if not (folder / template.SCHEMA_NAME).exists():
+        template.write_schema(folder)
 
 
 def _orientation(photos: Mapping[str, Any], folder: Path) -> int:
     """How photos are turned: as stated, as the first states, or as in the session that is written
     anew, whose regions must not move.
     """
-    written = folder / FILE_NAME
+    written = folder / session_file.FILE_NAME
     if not written.exists():
         return photos.get("orientation") or preview.photo_orientation(photos["object"])
     return int(
@@ -265,7 +265,7 @@ def toml_text(tables: Tables) -> str:
     tables : dict of dict
         Of text, numbers, truths, lists of them, and small tables.
     """
-    lines = [f"#:schema ./{SCHEMA_NAME}"]
+    lines = [f"#:schema ./{template.SCHEMA_NAME}"]
     for section, table in tables.items():
         several = section in ("views", "regions") and table
         for header, keys in ({f"{section}.{_toml(name)}": own for name, own in table.items()}
@@ -284,13 +284,14 @@ def _toml(value: Any) -> str:
 def _copied(path: Path, folder: Path, part: str) -> str:
     """A file's name in the session, where a copy of it lies; none is written over."""
     if not path.is_file():
-        raise InputError(f"{path} is missing; give the name of a file")
+        raise errors.InputError(f"{path} is missing; give the name of a file")
     name = f"{part}/{path.name}"
     target = folder / name
     if target.exists():
         if files.sha256_of(target) != files.sha256_of(path):
-            raise InputError(f"{target} is another file than {path}; name another folder with "
-                             "--session")
+            raise errors.InputError(
+                f"{target} is another file than {path}; name another folder with "
+                "--session")
         return name
     with files.whole_file(target) as unfinished:
         shutil.copyfile(path, unfinished)
@@ -324,7 +325,7 @@ def known_file(word: str, name: str, folder: Path) -> str:
     except ValueError:
         return _copied(Path(word), folder, "spectra")
     for number in numbers:
-        require_fraction(number, name)
+        spectrum_files.require_fraction(number, name)
     file = f"spectra/{file_stem(name)} {' +- '.join(f'{number:g}' for number in numbers)}.csv"
     columns = ("wavelength_nm", "value", "standard_error")[:1 + len(numbers)]
     rows = [(end, *numbers) for end in WAVELENGTHS_NM]

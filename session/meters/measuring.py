@@ -13,12 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from spectrabox.capture.meter import measurement_files, measurement_series
-from spectrabox.capture.meter.instruments.instrument_errors import RefusedError
-from spectrabox.capture.meter.instruments.interface import Instrument
+from spectrabox.capture.meter.instruments import instrument_errors, interface
 from spectrabox.measure import texts
+from spectrabox.radiometry import errors, files
 from spectrabox.radiometry.chart import CLASSIC, Chart
-from spectrabox.radiometry.errors import CheckError
-from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.readings import SpectralReading
 from spectrabox.radiometry.spectra.spectrum_files import table_text
@@ -84,8 +82,10 @@ def write_result(
         columns = {"value": results[0].values}
         if results[0].standard_error is not None:
             columns["standard_error"] = results[0].standard_error
-    write_text_whole(path, table_text(results[0].grid.nm, columns, quantity=results[0].quantity,
-                                      source=results[0].source + _calibration_words(readings)))
+    files.write_text_whole(
+        path,
+        table_text(results[0].grid.nm, columns, quantity=results[0].quantity,
+                   source=results[0].source + _calibration_words(readings)))
     return path, results[0]
 
 
@@ -252,7 +252,7 @@ def reading_line(number: int, reading: SpectralReading) -> str:
     return f"reading {number}: {ended}{stated}{exposure}{lab}"
 
 
-def _calibrated(meter: Instrument, keyboard: readers.Keyboard) -> bool:
+def _calibrated(meter: interface.Instrument, keyboard: readers.Keyboard) -> bool:
     """Ask for each calibration that the instrument wants; False if the operator stops here."""
     for which, advice in meter.calibrations.items():
         while which not in meter.calibrated:
@@ -266,12 +266,12 @@ def _calibrated(meter: Instrument, keyboard: readers.Keyboard) -> bool:
                 break
             try:
                 meter.calibrate(which)
-            except RefusedError as error:
+            except instrument_errors.RefusedError as error:
                 print(error, file=sys.stderr, flush=True)
     return True
 
 
-def _asked(task: Task, name: str, done: int, meter: Instrument | None,
+def _asked(task: Task, name: str, done: int, meter: interface.Instrument | None,
            keyboard: readers.Keyboard) -> Start:
     """What the operator does next: Enter, the instrument's button, or another wish."""
     button = meter is not None and meter.has_button
@@ -339,6 +339,7 @@ def require_measured(task: Task) -> None:
     ]
     if len(task.names) > 1 and missing:
         things = "patches" if task.role == "chart" else "things"
-        raise CheckError(f"{len(task.names) - len(missing)} of {len(task.names)} {things} are "
-                         "measured and kept; run the same command again to go on with "
-                         f"{missing[0]}")
+        raise errors.CheckError(
+            f"{len(task.names) - len(missing)} of {len(task.names)} {things} are "
+            "measured and kept; run the same command again to go on with "
+            f"{missing[0]}")

@@ -7,17 +7,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from spectrabox.capture.meter import measurement, measurement_files
-from spectrabox.capture.meter.instruments.cr30 import Cr30
-from spectrabox.capture.meter.instruments.instrument_errors import InstrumentError
-from spectrabox.capture.meter.instruments.interface import Identity, MeterSettings
-from spectrabox.capture.meter.serial_line import list_ports
+from spectrabox.capture.meter import measurement, measurement_files, serial_line
+from spectrabox.capture.meter.instruments import cr30, instrument_errors, interface
 from spectrabox.capture.transcripts.player import record
 from spectrabox.measure import texts
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.system.words import file_stem, shortened
-from spectrabox.session.meters.measuring import Task, write_result
-from spectrabox.session.meters.readers import meter_pace
+from spectrabox.session.meters import measuring, readers
 
 PRESS_S = 2.0           # for which one request waits for the button
 
@@ -38,20 +34,20 @@ class PageMeter:
         self._lock = threading.Lock()
         self._open = contextlib.ExitStack()
         self._port = ""
-        self._meter: Cr30 | None = None
-        self._identity: Identity | None = None
+        self._meter: cr30.Cr30 | None = None
+        self._identity: interface.Identity | None = None
         self._transcript = ""
 
     def state(self) -> dict[str, Any]:
         """Ports of this computer, the one that is held, and what to do for each calibration."""
         return {"ports": [{"port": port, "words": words} for port, words in self._ports().items()],
                 "port": self._port, "calibrated": self._calibrated(),
-                "calibrations": dict(Cr30.calibrations)}
+                "calibrations": dict(cr30.Cr30.calibrations)}
 
     def _ports(self) -> dict[str, str]:
         """Ports that may be opened, and what each is."""
         return {**dict.fromkeys(self._named, ""),
-                **{each.port: each.description or "" for each in list_ports()}}
+                **{each.port: each.description or "" for each in serial_line.list_ports()}}
 
     def step(self, port: str, what: str, name: str) -> dict[str, Any]:
         """Calibrate, measure, or wait a moment for the button to be pressed.
@@ -73,12 +69,12 @@ class PageMeter:
         ------
         InputError, InstrumentError
         """
-        if what not in (*Cr30.calibrations, "measure", "press"):
+        if what not in (*cr30.Cr30.calibrations, "measure", "press"):
             raise InputError(f"there is no step {shortened(what)}")
         with self._lock:
             try:
                 return self._stepped(self._held(port), what, name)
-            except InstrumentError:
+            except instrument_errors.InstrumentError:
                 self._close()       # opened anew, and calibrated anew, the next time
                 raise
 
@@ -87,7 +83,7 @@ class PageMeter:
         with self._lock:
             self._close()
 
-    def _stepped(self, meter: Cr30, what: str, name: str) -> dict[str, Any]:
+    def _stepped(self, meter: cr30.Cr30, what: str, name: str) -> dict[str, Any]:
         if what in meter.calibrations:
             meter.calibrate(what)
         elif what == "measure" or meter.pressed(PRESS_S):
@@ -95,7 +91,7 @@ class PageMeter:
             return self._measured(meter, name) | {"calibrated": self._calibrated()}
         return {"calibrated": self._calibrated()}
 
-    def _measured(self, meter: Cr30, name: str) -> dict[str, Any]:
+    def _measured(self, meter: cr30.Cr30, name: str) -> dict[str, Any]:
         assert self._identity is not None
         stem = self._free_stem(file_stem(name))
         measurement_files.claim(self._spectra, "paint", [stem], reflects=True)
@@ -103,7 +99,8 @@ class PageMeter:
         measurement_files.note_role(self._spectra, "paint", stem)
         measurement_files.store_reading(measurement_files.readings_folder(self._spectra, stem),
                                         reading)
-        path, _ = write_result(Task(self._spectra, "paint", (stem,), 1, False, False), 1.0, ())
+        path, _ = measuring.write_result(
+            measuring.Task(self._spectra, "paint", (stem,), 1, False, False), 1.0, ())
         return {"file": f"{self._spectra.name}/{path.name}", "lab": reading.lab,
                 "flags": [texts.says(finding) for finding in reading.findings],
                 "findings": [texts.facts(finding) for finding in reading.findings]}
@@ -118,7 +115,7 @@ class PageMeter:
             free = f"{stem}-{number}"
         return free
 
-    def _held(self, port: str) -> Cr30:
+    def _held(self, port: str) -> cr30.Cr30:
         """The instrument, opened where it is not held yet."""
         if self._meter is None or self._port != port:
             self._close()
@@ -129,11 +126,11 @@ class PageMeter:
                                  "Plug the instrument in; a port that is not listed is named when "
                                  "the page is opened, with --meter-port")
             with contextlib.ExitStack() as opening:
-                log = opening.enter_context(record(self._spectra / "readings", Cr30.name,
-                                                   MeterSettings()))
+                log = opening.enter_context(record(self._spectra / "readings", cr30.Cr30.name,
+                                                   interface.MeterSettings()))
                 meter = opening.enter_context(
-                    measurement.open_instrument(Cr30.name, port, log, meter_pace()))
-                assert isinstance(meter, Cr30)
+                    measurement.open_instrument(cr30.Cr30.name, port, log, readers.meter_pace()))
+                assert isinstance(meter, cr30.Cr30)
                 self._identity = measurement.trusted_identity(meter)
                 self._open = opening.pop_all()
             self._meter, self._port, self._transcript = meter, port, log.path.name

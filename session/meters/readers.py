@@ -19,17 +19,12 @@ from typing import Protocol, TypeAlias
 
 import numpy as np
 
-from spectrabox.capture.meter import measurement, serial_line
+from spectrabox.capture.meter import measurement, measurement_series, serial_line, spotread
 from spectrabox.capture.meter.instruments import interface
-from spectrabox.capture.meter.measurement_series import Maker
-from spectrabox.capture.meter.spotread import NAME, spotread_reading
-from spectrabox.capture.transcripts.player import record
-from spectrabox.capture.transcripts.transcript import TranscriptWriter
-from spectrabox.radiometry.appearance import reflectance_to_lab, reflectance_to_srgb
+from spectrabox.capture.transcripts import player, transcript
+from spectrabox.radiometry import appearance, errors, grid
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.charts.references import reference_reflectances
-from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.readings import SpectralReading
 from spectrabox.radiometry.system.words import plain
@@ -102,7 +97,8 @@ def _is_ready(descriptor: int, limit_s: float) -> bool:
 # ---- who takes readings: an instrument on its own line, or the installed spotread ----------------
 
 REPLAY_LIMIT_S = 2.0
-Check: TypeAlias = Callable[[Maker], None]      # objects to an instrument that may not measure here
+Check: TypeAlias = Callable[[measurement_series.Maker],
+                            None]  # objects to an instrument that may not measure here
 
 
 class Reader(Protocol):
@@ -126,7 +122,7 @@ class LineReader:
     """An instrument on its own line, set as wanted once ``begin`` lets it measure."""
 
     def __init__(self, meter: interface.Instrument, wanted: interface.MeterSettings,
-                 log: TranscriptWriter) -> None:
+                 log: transcript.TranscriptWriter) -> None:
         self.meter: interface.Instrument = meter
         self._wanted = wanted
         self._log = log
@@ -153,7 +149,7 @@ class SpotreadReader:
 
     meter: interface.Instrument | None = None
 
-    def __init__(self, number: int, quantity: Quantity, log: TranscriptWriter) -> None:
+    def __init__(self, number: int, quantity: Quantity, log: transcript.TranscriptWriter) -> None:
         self._number, self._quantity, self._log = number, quantity, log
         self._check: Check | None = None
         self._calibrated = False
@@ -162,7 +158,7 @@ class SpotreadReader:
         self._check = check
 
     def take(self) -> SpectralReading:
-        reading = spotread_reading(self._quantity, self._number, self._log,
+        reading = spotread.spotread_reading(self._quantity, self._number, self._log,
                                    lambda text: print(plain(text), end="", file=sys.stderr,
                                                       flush=True),
                                    calibrated=self._calibrated, transcript=self._log.path.name)
@@ -183,7 +179,7 @@ def line_reader(folder: Path, instrument: str, port: str,
     instrument, port : str
     wanted : MeterSettings
     """
-    with record(folder, instrument, wanted) as log, \
+    with player.record(folder, instrument, wanted) as log, \
             operated_instrument(instrument, port, log) as meter:
         yield LineReader(meter, wanted, log)
 
@@ -201,8 +197,9 @@ def spotread_reader(folder: Path, number: int, ambient: bool) -> Iterator[Reader
         Irradiance, through the diffuser.
     """
     now = datetime.now(UTC)
-    log = TranscriptWriter(folder / f"{now:%Y%m%dT%H%M%S.%f}.transcript",
-                           {"instrument": NAME, "recorded": now.isoformat(timespec="seconds")})
+    log = transcript.TranscriptWriter(
+        folder / f"{now:%Y%m%dT%H%M%S.%f}.transcript",
+        {"instrument": spotread.NAME, "recorded": now.isoformat(timespec="seconds")})
     with contextlib.closing(log):
         yield SpotreadReader(number, Quantity.IRRADIANCE if ambient else Quantity.RADIANCE, log)
 
@@ -242,7 +239,7 @@ def meter_pace() -> serial_line.Pace:
     try:
         scale = float(text)
     except ValueError:
-        raise InputError(
+        raise errors.InputError(
             f"SPECTRABOX_METER_PACE is {text!r}; a number such as 0.01 is needed") from None
     return serial_line.Pace() if scale == 1 else serial_line.Pace(scale,
                                                                   shortest_limit_s=REPLAY_LIMIT_S)
@@ -299,8 +296,8 @@ def nearer_patch(chart: Chart, index: int, reflectance: Spectrum) -> int | None:
     known = _usual(chart)
     if known is None:
         return None
-    usual = reflectance_to_lab(FINE_GRID.nm, known)
-    lab = reflectance_to_lab(reflectance.grid.nm, reflectance.values)
+    usual = appearance.reflectance_to_lab(grid.FINE_GRID.nm, known)
+    lab = appearance.reflectance_to_lab(reflectance.grid.nm, reflectance.values)
     distances = np.linalg.norm(usual - lab, axis=1)
     nearest = int(np.argmin(distances))
     return nearest if distances[index] > distances[nearest] + NEARER else None
@@ -309,7 +306,7 @@ def nearer_patch(chart: Chart, index: int, reflectance: Spectrum) -> int | None:
 @functools.cache
 def _usual(chart: Chart) -> np.ndarray | None:
     known = chart.references or chart.reference_file is not None
-    return reference_reflectances(None, chart, FINE_GRID) if known else None
+    return reference_reflectances(None, chart, grid.FINE_GRID) if known else None
 
 
 def _mark(name: str, index: int, measured: Collection[int], following: int, width: int) -> str:
@@ -323,9 +320,9 @@ def _cell(chart: Chart, index: int, padded: str, measured: Mapping[int, Spectrum
           following: int) -> str:
     own, usual = measured.get(index), _usual(chart)
     if own is not None:
-        srgb = reflectance_to_srgb(own.grid.nm, own.values)
+        srgb = appearance.reflectance_to_srgb(own.grid.nm, own.values)
     elif usual is not None:
-        srgb = reflectance_to_srgb(FINE_GRID.nm, usual[index])
+        srgb = appearance.reflectance_to_srgb(grid.FINE_GRID.nm, usual[index])
     else:
         srgb = np.full(3, UNKNOWN)
     if index not in measured and index != following:

@@ -11,29 +11,25 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from spectrabox.measure import extras, texts
+from spectrabox.measure import captured, extras, texts
 from spectrabox.measure.advice.advice import advised_of_facts
-from spectrabox.measure.captured import SceneCapture
 from spectrabox.measure.extras import attempt
 from spectrabox.measure.results.scene_result import SceneResult
-from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry import errors, findings
 from spectrabox.radiometry.files import sha256_of
-from spectrabox.radiometry.findings import Finding
 from spectrabox.reconstruct.scene.scene_file import SceneFile
 from spectrabox.session.box.scenes import write_box_scenes
 from spectrabox.session.config.session_file import SessionConfig
 from spectrabox.session.kept_stages import FinishedRun
 from spectrabox.session.outputs.session_results import session_results
 from spectrabox.session.report import page
-from spectrabox.session.store import keys, record_files, surface_files
-from spectrabox.session.store.locks import outputs_writer
-from spectrabox.session.store.rehearsals import FILE
+from spectrabox.session.store import keys, locks, record_files, rehearsals, surface_files
 from spectrabox.session.terminal.progress_display import StageProgress
 
 
 def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: list[str],
                   device: str, advice: dict[str, Any] | None = None
-                  ) -> tuple[dict[str, Any], str, list[Path], tuple[Finding, ...]]:
+                  ) -> tuple[dict[str, Any], str, list[Path], tuple[findings.Finding, ...]]:
     """Write report, spectra, materials and pictures into the session folder.
 
     Parameters
@@ -69,7 +65,7 @@ def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: li
     failed = rendered.failed
     files = [report, report.with_name(page.NUMBERS_NAME),
              *surface_files.write_surface_files(found, results.folder, results.name)]
-    if isinstance(found, SceneResult) and isinstance(finished.capture, SceneCapture):
+    if isinstance(found, SceneResult) and isinstance(finished.capture, captured.SceneCapture):
         scene = finished.capture.views[0].scene
         files += [surface_files.write_materials(found, results.folder, finished.capture.bsdfs,
                                   scene if isinstance(scene, SceneFile) else None),
@@ -96,7 +92,8 @@ class RunOutputs:
 
     facts: dict[str, Any]       # for scripts
     text: str                   # for a person
-    failed: tuple[Finding, ...] = ()    # what could not be made beside the answer; both name it
+    failed: tuple[findings.Finding,
+                  ...] = ()  # what could not be made beside the answer; both name it
 
 
 def kept_outputs(config: SessionConfig, finished: FinishedRun) -> RunOutputs | None:
@@ -150,7 +147,7 @@ def rewritten_outputs(config: SessionConfig, finished: FinishedRun, command_line
     """
     inputs = keys.InputFiles(config)
     key = _key(config, finished, inputs)
-    with outputs_writer(config.folder):
+    with locks.outputs_writer(config.folder):
         facts, text, files, failed = write_outputs(config, finished, command_line, device,
                                                    _kept_advice(config, key))
         inputs.require_unchanged(key["files"])
@@ -192,15 +189,16 @@ def require_results(finished: FinishedRun, command: str) -> None:
         for name, stage in finished.stored.items()
     }
     if any(stage is None or stage.key != finished.stored[name].key for name, stage in now.items()):
-        raise InputError(f"results changed while they were used; run '{command}' again once the "
-                         "run has ended")
+        raise errors.InputError(
+            f"results changed while they were used; run '{command}' again once the "
+            "run has ended")
 
 
 def _key(config: SessionConfig, finished: FinishedRun, inputs: keys.InputFiles) -> dict[str, Any]:
     """Inputs of the files: session.toml, spectra to compare with, results, the last rehearsal, and
     the program.
     """
-    rehearsal = config.results_folder / FILE
+    rehearsal = config.results_folder / rehearsals.FILE
     curves = config.sensitivity.truth
     # as they were read: the files may have been edited since
     truths = {name: surface.truth for name, surface in finished.capture.surfaces.items()}

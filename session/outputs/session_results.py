@@ -10,16 +10,13 @@ import numpy as np
 
 from spectrabox.measure.captured import Capture
 from spectrabox.measure.records import CaptureRecords
-from spectrabox.measure.results.flat_result import FlatResult
-from spectrabox.measure.results.result_of_records import result_of
-from spectrabox.measure.results.scene_result import SceneResult
+from spectrabox.measure.results import flat_result, result_of_records, scene_result
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves
 from spectrabox.session.config.session_file import SessionConfig
 from spectrabox.session.kept_stages import FinishedRun
-from spectrabox.session.store.keys import InputFiles, input_roles
-from spectrabox.session.store.rehearsals import stored_rehearsal
+from spectrabox.session.store import keys, rehearsals
 
 
 @dataclass(frozen=True)
@@ -56,7 +53,7 @@ class StageRun:
 class SessionResults:
     """What the report of a session shows; ``folder`` is the session folder."""
 
-    found: FlatResult | SceneResult
+    found: flat_result.FlatResult | scene_result.SceneResult
     folder: Path
     name: str
     operator: str
@@ -103,7 +100,7 @@ def session_results(config: SessionConfig, run: FinishedRun,
         (title, pictures / name) for title, name
         in zip(records.picture.titles, records.picture.previews, strict=True))
     return SessionResults(
-        found=result_of(capture, records, stored_rehearsal(config),
+        found=result_of_records.result_of(capture, records, rehearsals.stored_rehearsal(config),
                         picture_folder(config)),
         folder=config.folder, name=config.session.name, operator=config.session.operator,
         notes=config.session.notes, inputs=_used_files(config, run),
@@ -132,8 +129,8 @@ def _sensitivity_truth(config: SessionConfig) -> tuple[np.ndarray, np.ndarray] |
 
 def _used_files(config: SessionConfig, run: FinishedRun) -> tuple[UsedFile, ...]:
     """Every input file once, with its role, hash, size and what is known of it."""
-    roles = input_roles(config)
-    hashes = InputFiles(config).digests(*roles)
+    roles = keys.input_roles(config)
+    hashes = keys.InputFiles(config).digests(*roles)
     photos = _photos_by_file(run.capture, run.records)
     used = []
     for name, role in roles.items():

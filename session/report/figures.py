@@ -11,8 +11,7 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from spectrabox.measure import plots
-from spectrabox.measure.results.flat_result import PhotoOfRegions
-from spectrabox.measure.results.surface_result import SurfaceResult
+from spectrabox.measure.results import flat_result, surface_result
 from spectrabox.measure.words import SUPERSCRIPT, fixed, number
 from spectrabox.radiometry.grid import WavelengthGrid
 from spectrabox.session.report import pictures, svg
@@ -221,7 +220,7 @@ def field_whiskers(light: Mapping[str, tuple[float, float]]) -> dict[str, Markup
 
 
 @svg.figure("the error budget")
-def error_budget_bars(name: str, surface: SurfaceResult) -> svg.Drawing | None:
+def error_budget_bars(name: str, surface: surface_result.SurfaceResult) -> svg.Drawing | None:
     """A table with a bar for each cause and band: relative standard error of the surface's signal;
     None where no cause was stated.
 
@@ -281,7 +280,7 @@ CONTOURS = (0.01, 0.02, 0.05, 0.1, 0.2)     # of the light's relative error
 
 
 @svg.figure("the photo")
-def photo_figure(name: str, photo: PhotoOfRegions, preview: Path,
+def photo_figure(name: str, photo: flat_result.PhotoOfRegions, preview: Path,
                  links: Mapping[str, svg.MarkLink]) -> Markup:
     """The photo with its chart and regions outlined, edges across these and the larger part beside
     them in red; the axes count pixels. A region leads to its card.
@@ -321,7 +320,7 @@ def photo_figure(name: str, photo: PhotoOfRegions, preview: Path,
 
 
 @svg.figure("the light over the photo")
-def light_figure(name: str, photo: PhotoOfRegions) -> Markup | None:
+def light_figure(name: str, photo: flat_result.PhotoOfRegions) -> Markup | None:
     """The light over the photo with contours of its error; None where it shows no region.
 
     Parameters
@@ -378,7 +377,7 @@ def contour(x: np.ndarray, y: np.ndarray, values: np.ndarray, level: float) -> n
     return np.asarray(one[:, :2] + share[:, None] * (other - one)[:, :2]).reshape(-1, 2, 2)
 
 
-def _over_photo(name: str, photo: PhotoOfRegions, width: float,
+def _over_photo(name: str, photo: flat_result.PhotoOfRegions, width: float,
                 margins: tuple[float, float, float, float]) -> svg.Plot:
     """A figure in the pixels of the photo."""
     left, right, below, above = margins
@@ -388,19 +387,19 @@ def _over_photo(name: str, photo: PhotoOfRegions, width: float,
                 margins)
 
 
-def _corners(photo: PhotoOfRegions) -> tuple[float, float, float, float]:
+def _corners(photo: flat_result.PhotoOfRegions) -> tuple[float, float, float, float]:
     width, height = photo.size_px
     return -0.5, -0.5, width - 0.5, height - 0.5
 
 
-def _outlines(plot: svg.Plot, photo: PhotoOfRegions) -> None:
+def _outlines(plot: svg.Plot, photo: flat_result.PhotoOfRegions) -> None:
     for patch in () if photo.chart_px is None else photo.chart_px:
         plot.outline(patch, CHART, 0.7)
     for corners in photo.outlines.values():
         plot.outline(corners, REGION, 1.1)
 
 
-def _colour_bar(plot: svg.Plot, photo: PhotoOfRegions, low: float, span: float) -> None:
+def _colour_bar(plot: svg.Plot, photo: flat_result.PhotoOfRegions, low: float, span: float) -> None:
     """Beside the map, what its colours stand for, in per cent."""
     _, top, right, bottom = plot.box
     width, height = photo.size_px

@@ -11,8 +11,7 @@ import numpy as np
 from markupsafe import Markup
 
 from spectrabox.radiometry.appearance import encode_srgb
-from spectrabox.radiometry.records import scenes
-from spectrabox.radiometry.records.calibration import SensitivityFit
+from spectrabox.radiometry.records import calibration, scenes
 from spectrabox.session.report import pictures, svg
 
 PANEL_PX = 320  # at least, of each picture of a comparison
@@ -29,7 +28,7 @@ LIGHT_COLOURS = ("#8dd3c7", "#ffffb3", "#bebada", "#fb8072", "#80b1d3", "#fdb462
                  "#ccebc5", "#decbe4", "#fed9a6", "#ffffcc", "#e5d8bd", "#fddaec", "#f2f2f2")
 
 
-def display_bands(fit: SensitivityFit) -> list[int]:
+def display_bands(fit: calibration.SensitivityFit) -> list[int]:
     """The bands shown as red, green and blue: longest, middle and shortest mean wavelength.
 
     Returns
@@ -42,7 +41,7 @@ def display_bands(fit: SensitivityFit) -> list[int]:
     return [int(order[-1]), int(order[len(order) // 2]), int(order[0])]
 
 
-def comparison_rgb8(made: scenes.Reconstruction, fit: SensitivityFit) -> np.ndarray:
+def comparison_rgb8(made: scenes.Reconstruction, fit: calibration.SensitivityFit) -> np.ndarray:
     """Photo, rendering and signed residual side by side (h, w, 3) as 8-bit sRGB.
 
     Photo and rendering are stretched alike; the residual is the mean over the bands on a scale of
@@ -73,7 +72,7 @@ def _stretched(made: scenes.Reconstruction, chosen: list[int]) -> tuple[np.ndarr
 
 
 @svg.figure("photo and rendering")
-def pair_figure(name: str, made: scenes.Reconstruction, fit: SensitivityFit,
+def pair_figure(name: str, made: scenes.Reconstruction, fit: calibration.SensitivityFit,
                 bands: tuple[str, ...]) -> Markup:
     """Photo and rendering side by side, divided by white and stretched by one common factor.
 
@@ -98,7 +97,7 @@ def pair_figure(name: str, made: scenes.Reconstruction, fit: SensitivityFit,
 
 
 @svg.figure("the photo")
-def linked_photo(name: str, made: scenes.Reconstruction, fit: SensitivityFit,
+def linked_photo(name: str, made: scenes.Reconstruction, fit: calibration.SensitivityFit,
                  links: Mapping[str, svg.MarkLink]) -> Markup:
     """The photo alone; every surface leads to the card of its material.
 

@@ -7,18 +7,19 @@ import numpy as np
 
 from spectrabox.calibrate.chart_findings import root_mean_square
 from spectrabox.measure import conditions, rules, texts
-from spectrabox.measure.results import calibration_facts
-from spectrabox.measure.results.capture_result import CaptureResult, ChartResult
-from spectrabox.measure.results.flat_result import FlatResult
-from spectrabox.measure.results.scene_result import SceneResult
-from spectrabox.measure.results.surface_result import SurfaceResult
+from spectrabox.measure.results import (
+    calibration_facts,
+    capture_result,
+    flat_result,
+    scene_result,
+    surface_result,
+)
 from spectrabox.measure.rules import chart_residuals
 from spectrabox.radiometry.records.scenes import SceneGeometry, SurfaceAgreement
 from spectrabox.radiometry.records.spectra import SpectrumSamples
 from spectrabox.sampling.prior.family_coverage import coverage_facts
 from spectrabox.session.outputs.session_results import SessionResults
-from spectrabox.session.report import spectra
-from spectrabox.session.report.cards import metamer_facts
+from spectrabox.session.report import cards, spectra
 
 SCHEMA = "spectrabox-results/1"
 
@@ -44,7 +45,7 @@ def report_numbers(results: SessionResults) -> dict[str, Any]:
         }
 
 
-def scene_numbers(found: SceneResult) -> dict[str, Any]:
+def scene_numbers(found: scene_result.SceneResult) -> dict[str, Any]:
     """What the report of a scene shows beside that."""
     fit = found.reconstruction
     return {
@@ -65,7 +66,7 @@ def scene_numbers(found: SceneResult) -> dict[str, Any]:
         }
 
 
-def flat_numbers(found: FlatResult) -> dict[str, Any]:
+def flat_numbers(found: flat_result.FlatResult) -> dict[str, Any]:
     """What the report of flat samples shows beside that."""
     return {
         "regions": [_surface(region) for region in found.surfaces],
@@ -96,7 +97,7 @@ def _geometry(geometry: SceneGeometry) -> dict[str, Any]:
                       for view in geometry.views]}
 
 
-def _surface(surface: SurfaceResult) -> dict[str, Any]:
+def _surface(surface: surface_result.SurfaceResult) -> dict[str, Any]:
     curves = spectra.surface_curves(surface)
     noise, disagreement = surface.covariances
     single = None if surface.spectrum is None else {"nm": surface.grid.nm,
@@ -125,7 +126,7 @@ def _surface(surface: SurfaceResult) -> dict[str, Any]:
         "every_10_nm":
         {"columns": ["nm", *curves], "rows": spectra.every_10_nm(surface.nm, curves)},
         "samples": _samples(surface.samples),
-        "metamers": None if surface.metamers is None else metamer_facts(surface.metamers),
+        "metamers": None if surface.metamers is None else cards.metamer_facts(surface.metamers),
         "truth": _fields(surface.truth, "values", "standard_error", "source"),
         "scores": None if surface.scores is None else vars(surface.scores),
     }
@@ -153,7 +154,7 @@ def _agreement(agreement: SurfaceAgreement) -> list[dict[str, Any]]:
             name in enumerate(agreement.names)]
 
 
-def _calibration(found: CaptureResult,
+def _calibration(found: capture_result.CaptureResult,
                  truth: tuple[np.ndarray, np.ndarray] | None) -> dict[str, Any]:
     calibration, light = found.calibration, found.calibration.light_posterior
     residuals = chart_residuals(found)
@@ -176,7 +177,8 @@ def _calibration(found: CaptureResult,
         }
 
 
-def _chart(found: CaptureResult, chart: ChartResult) -> dict[str, Any]:
+def _chart(found: capture_result.CaptureResult,
+           chart: capture_result.ChartResult) -> dict[str, Any]:
     swatches = spectra.swatch_pairs(found)
     return {"swatches": None if swatches is None else swatches.numbers, "prior": _fields(
                 chart.prior, "share", "families", "probabilities"),

@@ -10,24 +10,21 @@ import numpy as np
 from markupsafe import Markup
 
 from spectrabox.calibrate.trust import chart_colour_differences, chart_colours
-from spectrabox.measure import plots
-from spectrabox.measure.results.capture_result import CaptureResult
-from spectrabox.measure.results.surface_result import SurfaceResult
-from spectrabox.measure.rules import chart_residuals
-from spectrabox.measure.words import percent
+from spectrabox.measure import plots, rules, words
+from spectrabox.measure.results import capture_result, surface_result
 from spectrabox.radiometry.appearance import encode_srgb, encoded_srgb
-from spectrabox.radiometry.records.calibration import LightPosterior, SensitivityFit
-from spectrabox.radiometry.records.spectra import Quantity, Spectrum
-from spectrabox.session.report import svg
-from spectrabox.session.report.maps import display_bands
+from spectrabox.radiometry.records import calibration, spectra
+from spectrabox.session.report import maps, svg
 
 WIDTH, HEIGHT = 374.0, 209.0    # of a figure, in points
-QUANTITIES = {Quantity.REFLECTANCE: "Reflectance", Quantity.IRRADIANCE: "Irradiance (W m⁻² nm⁻¹)",
-              Quantity.RADIANCE: "Radiance (W m⁻² sr⁻¹ nm⁻¹)",
-              Quantity.RELATIVE: "Relative spectral power"}
+QUANTITIES = {
+    spectra.Quantity.REFLECTANCE: "Reflectance", spectra.Quantity.IRRADIANCE:
+    "Irradiance (W m⁻² nm⁻¹)", spectra.Quantity.RADIANCE: "Radiance (W m⁻² sr⁻¹ nm⁻¹)",
+    spectra.Quantity.RELATIVE: "Relative spectral power"
+}
 
 
-def surface_curves(surface: SurfaceResult) -> dict[str, np.ndarray]:
+def surface_curves(surface: surface_result.SurfaceResult) -> dict[str, np.ndarray]:
     """Every curve known of one surface, each (P,) at its wavelengths; NaN where a truth was not
     measured.
     """
@@ -35,7 +32,7 @@ def surface_curves(surface: SurfaceResult) -> dict[str, np.ndarray]:
     if summary is None:
         curves = {"given": surface.mean}
     else:
-        level = percent(summary.level)
+        level = words.percent(summary.level)
         curves = {"mean": summary.mean, "standard deviation": summary.standard_deviation,
                   f"{level} band, lower": summary.lower, f"{level} band, upper": summary.upper,
                   "lowest possible": summary.bound_lower, "highest possible": summary.bound_upper}
@@ -67,7 +64,7 @@ def every_10_nm(nm: np.ndarray, curves: dict[str, np.ndarray]) -> list[list[floa
 
 
 @svg.figure("the spectrum")
-def spectrum_figure(name: str, surface: SurfaceResult) -> Markup:
+def spectrum_figure(name: str, surface: surface_result.SurfaceResult) -> Markup:
     """Draws, band, exact bounds, mean, the spectrum of inverse rendering, and the truth where one
     was measured.
     """
@@ -104,7 +101,7 @@ def spectrum_figure(name: str, surface: SurfaceResult) -> Markup:
 
 
 @svg.figure("the sensitivities")
-def sensitivity_figure(name: str, fit: SensitivityFit, bands: tuple[str, ...],
+def sensitivity_figure(name: str, fit: calibration.SensitivityFit, bands: tuple[str, ...],
                        truth: tuple[np.ndarray, np.ndarray] | None) -> Markup:
     """Sensitivities with two standard errors either side, and the measured curves where given.
 
@@ -147,7 +144,8 @@ def sensitivity_figure(name: str, fit: SensitivityFit, bands: tuple[str, ...],
 
 
 @svg.figure("the light")
-def light_figure(name: str, light: Spectrum, posterior: LightPosterior | None = None) -> Markup:
+def light_figure(name: str, light: spectra.Spectrum,
+                 posterior: calibration.LightPosterior | None = None) -> Markup:
     """The light spectrum, with two standard errors either side where they are stated; what the
     chart says of it, with its band, where nobody stated it.
 
@@ -267,7 +265,7 @@ class SwatchPairs:
                 "from_others": self.from_others, "order": [pair.patch for pair in self.pairs]}
 
 
-def swatch_pairs(found: CaptureResult) -> SwatchPairs | None:
+def swatch_pairs(found: capture_result.CaptureResult) -> SwatchPairs | None:
     """Colours of every patch as photographed and as predicted, and how far they are apart.
 
     Predicted from the other patches, where the calibration left each out in turn: a fit would bend
@@ -280,7 +278,7 @@ def swatch_pairs(found: CaptureResult) -> SwatchPairs | None:
     SwatchPairs or None
         None without a chart.
     """
-    residuals, chart = chart_residuals(found), found.chart
+    residuals, chart = rules.chart_residuals(found), found.chart
     if chart is None or residuals is None:
         return None
     held_out = found.calibration.sensitivity.held_out_residuals
@@ -303,8 +301,8 @@ def swatch_pairs(found: CaptureResult) -> SwatchPairs | None:
         held_out is not None)
 
 
-def _camera_colours(found: CaptureResult, measured: np.ndarray,
+def _camera_colours(found: capture_result.CaptureResult, measured: np.ndarray,
                     predicted: np.ndarray) -> list[np.ndarray]:
-    chosen = display_bands(found.calibration.sensitivity)
+    chosen = maps.display_bands(found.calibration.sensitivity)
     white = np.nanmax(measured, axis=0)[chosen] / WHITE
     return [encode_srgb(signal[:, chosen] / white) for signal in (measured, predicted)]

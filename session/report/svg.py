@@ -14,9 +14,7 @@ from typing import Any, ParamSpec, TypeVar, cast
 import numpy as np
 from markupsafe import Markup, escape
 
-from spectrabox.measure import texts
-from spectrabox.measure.extras import attempt
-from spectrabox.measure.plots import INK, QUIET
+from spectrabox.measure import extras, plots, texts
 from spectrabox.radiometry.findings import Finding
 from spectrabox.session.report.pictures import json_for_script
 
@@ -71,7 +69,8 @@ def figure(words: str) -> Callable[[Callable[Arguments, Figure]],
     def marked(draw: Callable[Arguments, Figure]) -> Callable[Arguments, Figure | MissingDrawing]:
         @functools.wraps(draw)
         def drawn(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Figure | MissingDrawing:
-            made, failed = attempt(f"picture of {words}", lambda: draw(*args, **kwargs), None)
+            made, failed = extras.attempt(f"picture of {words}", lambda: draw(*args, **kwargs),
+                                          None)
             return cast(Figure, made) if failed is None else MissingDrawing(failed)
         return drawn
     return marked
@@ -148,7 +147,7 @@ class Plot:
             if grid:
                 self._under.append(_stroke(f"M{at:.2f} {top:.2f}V{bottom:.2f}", GRID, 0.6))
             self._over.append(_text(at, bottom + 10, label))
-        self._over.append(_stroke(f"M{left:.2f} {bottom:.2f}H{right:.2f}", QUIET, 0.6))
+        self._over.append(_stroke(f"M{left:.2f} {bottom:.2f}H{right:.2f}", plots.QUIET, 0.6))
         self._over.append(_text((left + right) / 2, bottom + 23, name))
 
     def y_axis(self, name: str, ticks: Any, labels: Sequence[str] | None = None) -> None:
@@ -158,7 +157,7 @@ class Plot:
         for at, label in zip(self.y(ticks).tolist(), labels or tick_labels(ticks), strict=True):
             self._under.append(_stroke(f"M{left:.2f} {at:.2f}H{right:.2f}", GRID, 0.6))
             self._over.append(_text(left - 4, at + 2.6, label, "end"))
-        self._over.append(_stroke(f"M{left:.2f} {top:.2f}V{bottom:.2f}", QUIET, 0.6))
+        self._over.append(_stroke(f"M{left:.2f} {top:.2f}V{bottom:.2f}", plots.QUIET, 0.6))
         middle = (top + bottom) / 2
         self._over.append(_text(9, middle, name, turned=True))
 
@@ -263,7 +262,7 @@ class Plot:
             f'aria-label="{escape(name)}"><path class="area" d="{shape}"/>{"".join(rims)}</a>')
         self._role = "group"        # pictures hold nothing that is pressed
 
-    def words(self, x: float, y: float, words: str, size: float = LETTERS, colour: str = INK,
+    def words(self, x: float, y: float, words: str, size: float = LETTERS, colour: str = plots.INK,
               anchor: str = "middle", rim: str = "", turned: bool = False) -> None:
         """Text whose foot is at a point, with a rim of a colour where it lies on a picture."""
         self._over.append(_text(float(self.x(x)), float(self.y(y)), words, anchor, size, colour,
@@ -398,7 +397,7 @@ def _stroke(shape: str, colour: str, width: float, dash: str = "") -> str:
 
 
 def _text(x: float, y: float, words: str, anchor: str = "middle", size: float = LETTERS,
-          colour: str = INK, rim: str = "", turned: bool = False) -> str:
+          colour: str = plots.INK, rim: str = "", turned: bool = False) -> str:
     look = f' stroke="{rim}" stroke-width="2" paint-order="stroke"' if rim else ""
     turn = f' transform="rotate(-90 {x:.2f} {y:.2f})"' if turned else ""
     return (f'<text x="{x:.2f}" y="{y:.2f}" text-anchor="{anchor}" font-size="{size:g}" '

@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.measure.signals import sample
-from spectrabox.radiometry import checked_tables
+from spectrabox.radiometry import checked_tables, files
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import is_there
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.spectra import Quantity, SpectralMeasurement
 from spectrabox.radiometry.spectra import named_spectra, spectrum_files
@@ -209,4 +208,4 @@ def _spot(table: SpotTable, folder: Path) -> MoreMeasurement:
 
 def _file_or_name(name: str, folder: Path) -> str:
     path = folder / name
-    return str(path) if is_there(path) and path.is_file() else name
+    return str(path) if files.is_there(path) and path.is_file() else name

@@ -9,14 +9,13 @@ from matplotlib import color_sequences, style
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from spectrabox.measure.estimate import Estimate
-from spectrabox.measure.plots import frame_reflectance
+from spectrabox.measure import estimate, plots
 from spectrabox.radiometry.files import whole_file
 
 SIZE_IN = (8.0, 4.5)
 
 
-def write_plot(path: Path, estimates: Sequence[Estimate]) -> None:
+def write_plot(path: Path, estimates: Sequence[estimate.Estimate]) -> None:
     """Draw the mean and the band of every signal.
 
     Parameters
@@ -36,7 +35,7 @@ def write_plot(path: Path, estimates: Sequence[Estimate]) -> None:
             axes.fill_between(nm, summary.lower, summary.upper, color=colour, alpha=0.25, lw=0)
             axes.plot(nm, one.mean, color=colour, lw=1.6,
                       label=one.name or f"mean and {summary.level:.0%} band")
-        frame_reflectance(axes, nm, top)
+        plots.frame_reflectance(axes, nm, top)
         axes.legend(frameon=False, fontsize="small")
         with whole_file(path) as unfinished:
             FigureCanvasAgg(figure).print_png(str(unfinished))

@@ -8,12 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.measure.signals import sample
-from spectrabox.radiometry import appearance
-from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import csv_rows
-from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
-from spectrabox.radiometry.spectra import named_spectra
-from spectrabox.radiometry.spectra.cameras import columns_of_bands
+from spectrabox.radiometry import appearance, errors, files, grid
+from spectrabox.radiometry.spectra import cameras, named_spectra
 from spectrabox.radiometry.system.words import is_number
 from spectrabox.sampling.further.more_measurements import Reading
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
@@ -21,8 +17,8 @@ from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
 def response_of_names(sensitivity: str, light: str) -> np.ndarray:
     """Relative response (K, 61) of named curves and light, integrated at 1 nm."""
-    return named_spectra.relative_response(sensitivity, light, FINE_GRID) \
-        @ interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm)
+    return named_spectra.relative_response(sensitivity, light, grid.FINE_GRID) \
+        @ grid.interpolation_matrix(PRIOR_GRID.nm, grid.FINE_GRID.nm)
 
 
 def numbers(text: str, bands: int, name: str) -> np.ndarray:
@@ -36,7 +32,8 @@ def numbers(text: str, bands: int, name: str) -> np.ndarray:
     try:
         values = np.array([float(part) for part in text.replace(";", ",").split(",")])
     except ValueError:
-        raise InputError(f"--{name} {text!r} is not a list of numbers; write v1,v2,v3") from None
+        raise errors.InputError(
+            f"--{name} {text!r} is not a list of numbers; write v1,v2,v3") from None
     return per_band(values, bands, name)
 
 
@@ -54,9 +51,11 @@ def per_band(values: np.ndarray, bands: int, name: str) -> np.ndarray:
         Naming the option ``--name``.
     """
     if values.size != bands:
-        raise InputError(f"--{name} has {values.size} values; the sensitivities have {bands} bands")
+        raise errors.InputError(
+            f"--{name} has {values.size} values; the sensitivities have {bands} bands")
     if not np.all(np.isfinite(values)):
-        raise InputError(f"--{name} {sample.listed(values)} holds a value that is not finite")
+        raise errors.InputError(
+            f"--{name} {sample.listed(values)} holds a value that is not finite")
     return values
 
 
@@ -89,7 +88,7 @@ def colour_signal(kind: str, text: str, light: str) -> tuple[np.ndarray, np.ndar
     if kind == "srgb":
         return srgb_signal(text)
     if text.replace(";", ",").count(",") != 2:
-        raise InputError(f"--{kind} {text!r} is no colour; write three numbers, such as "
+        raise errors.InputError(f"--{kind} {text!r} is no colour; write three numbers, such as "
                          f"{'45,-27,30' if kind == 'lab' else '14.5,20.1,9.6'}")
     return appearance.signal_of_colour(light, **{kind: numbers(text, 3, kind)}), None
 
@@ -113,7 +112,7 @@ def srgb_values(text: str) -> np.ndarray:
     except ValueError:
         values = np.empty(0)
     if values.shape != (3,) or not np.all((values >= 0) & (values <= 255)):
-        raise InputError(f"--srgb {text!r} is no sRGB colour; write R,G,B from 0 to 255, or "
+        raise errors.InputError(f"--srgb {text!r} is no sRGB colour; write R,G,B from 0 to 255, or "
                          "#RRGGBB")
     return values
 
@@ -161,22 +160,25 @@ def read_named_signals(path: Path, bands: Sequence[str]) -> dict[str, np.ndarray
     InputError
         Naming the row, or the columns that are not the camera's bands.
     """
-    rows = csv_rows(path, "signals")
+    rows = files.csv_rows(path, "signals")
     if len(rows) < 2:
-        raise InputError(f"{path.name} holds no signals; a header of band names and one signal per "
-                         "row are needed")
+        raise errors.InputError(
+            f"{path.name} holds no signals; a header of band names and one signal per "
+            "row are needed")
     if all(is_number(part) for cell in rows[0] for part in cell.split(";")):
-        raise InputError(f"{path.name} begins with numbers, and its first row must name the bands: "
-                         "write a row such as R,G,B above the signals (letters, where bands are "
-                         "named by their wavelengths: 450 nm)")
+        raise errors.InputError(
+            f"{path.name} begins with numbers, and its first row must name the bands: "
+            "write a row such as R,G,B above the signals (letters, where bands are "
+            "named by their wavelengths: 450 nm)")
     named = not any(is_number(part) or not part.strip() for row in rows[1:]
                     for part in row[0].split(";"))
-    columns = columns_of_bands(_parts(rows[0][1:] if named else rows[0]), bands, path.name)
+    columns = cameras.columns_of_bands(_parts(rows[0][1:] if named else rows[0]), bands, path.name)
     signals: dict[str, np.ndarray] = {}
     for number, row in enumerate(rows[1:], 1):
         name = row[0].strip() if named else str(number)
         if name in signals:
-            raise InputError(f"{path.name} names two signals {name!r}; give each a name of its own")
+            raise errors.InputError(
+                f"{path.name} names two signals {name!r}; give each a name of its own")
         values = _signal_of(row[1:] if named else row, len(bands),
                             f"signals {path.name} row {number + 1}")
         signals[name] = values[columns] if len(columns) == len(bands) else values
@@ -192,8 +194,8 @@ def _signal_of(row: list[str], bands: int, name: str) -> np.ndarray:
     try:
         values = np.array([float(part) for part in _parts(row)])
     except ValueError:
-        raise InputError(f"--{name} {','.join(row)!r} is not a list of numbers; write v1,v2,v3") \
-            from None
+        raise errors.InputError(f"--{name} {','.join(row)!r} is not a list of numbers; write "
+                                "v1,v2,v3") from None
     return per_band(values, bands, name)
 
 
@@ -212,7 +214,7 @@ def parse_reading(text: str) -> Reading:
     except ValueError:
         values = []
     if len(values) not in (1, 2) or (slash and not 1 <= fwhm_nm <= 300):
-        raise InputError(f"--reading {text!r} cannot be read; write NM:REFLECTANCE or "
+        raise errors.InputError(f"--reading {text!r} cannot be read; write NM:REFLECTANCE or "
                          "NM:REFLECTANCE:ERROR, and NM/FWHM in place of NM for a band of that "
                          "width in nm")
     return sample.reading_at(nm, values[0], values[1] if len(values) == 2 else sample.READING_ERROR,

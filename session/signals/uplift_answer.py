@@ -10,18 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.capture.photo import image_rows
-from spectrabox.capture.photo.linear import open_photo
-from spectrabox.capture.photo.processed_photos import NotLinearError
-from spectrabox.capture.photo.stored_images import is_image_file, read_header
+from spectrabox.capture.photo import image_rows, linear, processed_photos, stored_images
 from spectrabox.measure.pictures import pixel_spectra, spectra_files, uplift
 from spectrabox.measure.pictures.photo_white import (
     PhotoWhite,
     photo_white,
     require_camera_signal,
 )
-from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry import errors, grid
 from spectrabox.radiometry.spectra.named_spectra import relative_response
 from spectrabox.sampling.prior import mixture
 from spectrabox.session.commands.requests import OBSERVER, UpliftRequest
@@ -52,15 +48,16 @@ def stated_white(request: UpliftRequest) -> tuple[UpliftRequest, str, PhotoWhite
         return replace(request, white="1,1,1", sensitivity=OBSERVER, light="D65"), \
             "white of sRGB", None
     if request.white is not None:
-        if request.image.is_file() and is_image_file(request.image):
-            require_camera_signal(read_header(request.image).photo_kind, request.image.name)
+        if request.image.is_file() and stored_images.is_image_file(request.image):
+            require_camera_signal(
+                stored_images.read_header(request.image).photo_kind, request.image.name)
         return request, "stated; no chart was looked for", None
-    response = relative_response(*_camera_and_light(request), FINE_GRID)
+    response = relative_response(*_camera_and_light(request), grid.FINE_GRID)
     found = None
     if _is_searched(request.image):
         try:
-            photo = open_photo(request.image)
-        except InputError:
+            photo = linear.open_photo(request.image)
+        except errors.InputError:
             photo = None            # too small to show a chart; what cannot be read is said below
         if photo is not None:
             uplift.require_bands(photo.signal.shape[2], response)
@@ -74,7 +71,7 @@ def stated_white(request: UpliftRequest) -> tuple[UpliftRequest, str, PhotoWhite
 
 def _is_searched(image: Path) -> bool:
     """Whether a chart is looked for: in a raw photo, which is held whole, and in small files."""
-    if not image.is_file() or not is_image_file(image):
+    if not image.is_file() or not stored_images.is_image_file(image):
         return not image.is_dir()
     rows = _opened(image)
     return rows.width * rows.height <= MAX_SEARCHED_PX
@@ -83,8 +80,8 @@ def _is_searched(image: Path) -> bool:
 def _opened(image: Path) -> image_rows.PictureRows:
     try:
         return image_rows.open_rows(image)
-    except NotLinearError as error:
-        raise InputError(f"{error}. --encoded takes a picture in sRGB for colours under "
+    except processed_photos.NotLinearError as error:
+        raise errors.InputError(f"{error}. --encoded takes a picture in sRGB for colours under "
                          "daylight") from None
 
 
@@ -139,7 +136,7 @@ def image_source(request: UpliftRequest) -> uplift.ImageSource:
     """
     span = round(mixture.PRIOR_GRID.nm[-1] - mixture.PRIOR_GRID.nm[0])
     if request.step < 1 or request.step % pixel_spectra.GRID_STEP_NM or span % request.step:
-        raise InputError(f"--step {request.step} does not divide 400-700 nm into steps of "
+        raise errors.InputError(f"--step {request.step} does not divide 400-700 nm into steps of "
                          f"{pixel_spectra.GRID_STEP_NM} nm; take 5, 10, 15, 20, 25, 30, 50 or 60")
     uplift.require_side(request.side)
     response = response_of_names(*_camera_and_light(request))

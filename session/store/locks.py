@@ -21,8 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from spectrabox.measure.steps.declared_steps import FLAT_STEPS, SCENE_STEPS
-from spectrabox.radiometry import files
-from spectrabox.radiometry.errors import EnvironmentProblem
+from spectrabox.radiometry import errors, files
 from spectrabox.session.store import record_files
 
 try:
@@ -122,8 +121,9 @@ def held_lock(file: Path, *, wait: bool = True, command: str = "",
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
         except BlockingIOError:
-            raise EnvironmentProblem(f"{_owner(handle)} {where}; wait for it, or stop it: two "
-                                     "would write over each other") from None
+            raise errors.EnvironmentProblem(
+                f"{_owner(handle)} {where}; wait for it, or stop it: two "
+                "would write over each other") from None
         except OSError:         # a file system without locks: better a run than none
             pass
         else:

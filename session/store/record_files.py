@@ -28,9 +28,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from spectrabox.radiometry import files
-from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.shaped import Record
+from spectrabox.radiometry import errors, files, shaped
 from spectrabox.radiometry.system.archives import DamagedArchiveError, opened_npz
 
 
@@ -38,8 +36,9 @@ class StoredByName(dict[str, Any]):
     """Records by the names of photos or surfaces, as an earlier session.toml may have had them."""
 
     def __missing__(self, name: str) -> Any:
-        raise InputError("the stored results are of other photos or surfaces than session.toml "
-                         f"names, and hold nothing of {name!r}: 'spectrabox run' makes them again")
+        raise errors.InputError(
+            "the stored results are of other photos or surfaces than session.toml "
+            f"names, and hold nothing of {name!r}: 'spectrabox run' makes them again")
 
 
 def pack(value: Any, name: str, arrays: dict[str, np.ndarray]) -> Any:
@@ -53,7 +52,7 @@ def pack(value: Any, name: str, arrays: dict[str, np.ndarray]) -> Any:
     arrays : dict
         Takes the arrays; the only argument that is changed.
     """
-    if isinstance(value, Record):
+    if isinstance(value, shaped.Record):
         value = {f.name: getattr(value, f.name)
                  for f in dataclasses.fields(value)}  # type: ignore[arg-type]
     if isinstance(value, dict):
@@ -89,7 +88,7 @@ def unpack(kind: Any, node: Any, arrays: Mapping[str, np.ndarray]) -> Any:
                              for key, item in node.items()})
     if isinstance(node, dict) and set(node) == {"array"}:
         return arrays[node["array"]]
-    if isinstance(kind, type) and issubclass(kind, Record):
+    if isinstance(kind, type) and issubclass(kind, shaped.Record):
         return kind(**{name: unpack(hint, node[name], arrays)
                        for name, hint in _field_types(typing.cast(Any, kind)).items()})
     if isinstance(kind, type) and issubclass(kind, Enum):
@@ -127,7 +126,7 @@ def opened_arrays(path: Path) -> Iterator[Mapping[str, np.ndarray]]:
         with opened_npz(path) as stored:
             yield stored
     except (OSError, DamagedArchiveError) as error:
-        raise InputError(f"the stored result {path.name} is damaged ({error}): remove "
+        raise errors.InputError(f"the stored result {path.name} is damaged ({error}): remove "
                          f"{path.parent} and run again") from None
 
 
@@ -185,7 +184,7 @@ class StoredStage:
                 record: T = unpack(kind, node, arrays)
                 return record
         except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f"the stored results of stage {self.folder.name} are damaged "
+            raise errors.InputError(f"the stored results of stage {self.folder.name} are damaged "
                              f"({error!r}): remove {self.folder} and run again") from None
 
 

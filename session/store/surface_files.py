@@ -16,20 +16,13 @@ import numpy as np
 
 from spectrabox.capture.photo.image_writers import write_exr, write_png
 from spectrabox.measure.records import SampleRecords
-from spectrabox.measure.results.capture_result import CaptureResult
-from spectrabox.measure.results.scene_result import SceneResult, bsdf_reflectances
-from spectrabox.measure.results.surface_result import SurfaceResult
-from spectrabox.radiometry.appearance import acescg_weights, tristimulus_weights
-from spectrabox.radiometry.errors import EnvironmentProblem, InputError
+from spectrabox.measure.results import capture_result, scene_result, surface_result
+from spectrabox.radiometry import appearance, errors, grid
 from spectrabox.radiometry.files import whole_file, writable, write_text_whole
-from spectrabox.radiometry.grid import at_whole_steps
-from spectrabox.radiometry.records.scenes import Reconstruction
-from spectrabox.radiometry.records.spectra import Quantity
-from spectrabox.radiometry.spectra.formats import delimited
-from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
+from spectrabox.radiometry.records import scenes, spectra
+from spectrabox.radiometry.spectra.formats import delimited, tm27
 from spectrabox.radiometry.system.words import cell, file_stem
-from spectrabox.reconstruct.scene.scene_file import SceneFile
-from spectrabox.reconstruct.scene.scene_xml import materials_xml
+from spectrabox.reconstruct.scene import scene_file, scene_xml
 from spectrabox.session.report.maps import comparison_rgb8
 
 FORMS = {".npz": "wavelengths and one array of draws a surface",
@@ -58,11 +51,12 @@ def stored_draws(records: SampleRecords, step_nm: int,
         If there are none.
     """
     if not records.spectra:
-        raise InputError("every spectrum of this session was given; there are no draws to write")
+        raise errors.InputError(
+            "every spectrum of this session was given; there are no draws to write")
     draws_of = {}
     for name, spectrum in records.spectra.items():
         nm = spectrum.samples.grid.nm
-        kept = at_whole_steps(nm, step_nm)
+        kept = grid.at_whole_steps(nm, step_nm)
         draws_of[name] = nm[kept], spectrum.samples.spectra[:draws, kept]
     return draws_of
 
@@ -85,9 +79,10 @@ def write_draws(path: Path, draws: dict[str, tuple[np.ndarray, np.ndarray]]) -> 
     """
     rows = sum(values.size for _, values in draws.values())
     if path.suffix.lower() != ".npz" and rows > MAX_ROWS:
-        raise InputError(f"{path.name} would have {rows} rows; take fewer --samples, a wider "
-        "--step, "
-                         "or .npz")
+        raise errors.InputError(
+            f"{path.name} would have {rows} rows; take fewer --samples, a wider "
+            "--step, "
+            "or .npz")
     with whole_file(path) as unfinished:
         {".npz": _npz, ".csv": _csv, ".parquet": _parquet}[path.suffix.lower()](unfinished, draws)
 
@@ -116,9 +111,9 @@ def _parquet(path: Path, draws: dict[str, tuple[np.ndarray, np.ndarray]]) -> Non
         arrow = importlib.import_module("pyarrow")      # optional: no other format needs it
         parquet = importlib.import_module("pyarrow.parquet")
     except ModuleNotFoundError:
-        raise EnvironmentProblem("a Parquet table is written by pyarrow, which is not installed: "
-                                 "pip install pyarrow, or give --out NAME.csv or NAME.npz"
-                                 ) from None
+        raise errors.EnvironmentProblem(
+            "a Parquet table is written by pyarrow, which is not installed: "
+            "pip install pyarrow, or give --out NAME.csv or NAME.npz") from None
     tables = []
     for name, (nm, values) in draws.items():
         count, width = values.shape
@@ -134,7 +129,8 @@ MIN_SIGNAL = 1e-6  # signal under which a relative residual is not formed
 TABLE_COLUMNS = ("X", "Y", "Z", "ACEScg R", "ACEScg G", "ACEScg B")
 
 
-def write_surface_files(found: CaptureResult, folder: Path, title: str) -> list[Path]:
+def write_surface_files(found: capture_result.CaptureResult, folder: Path,
+                        title: str) -> list[Path]:
     """Write spectra.csv, materials.csv and spdx/ into a folder, each file whole or not at all.
 
     Parameters
@@ -157,8 +153,8 @@ def write_surface_files(found: CaptureResult, folder: Path, title: str) -> list[
     return [*texts]
 
 
-def write_materials(found: SceneResult, folder: Path, bsdfs: Mapping[str, str],
-                    scene: SceneFile | None) -> Path:
+def write_materials(found: scene_result.SceneResult, folder: Path, bsdfs: Mapping[str, str],
+                    scene: scene_file.SceneFile | None) -> Path:
     """Write materials.xml of a scene, for Mitsuba.
 
     Parameters
@@ -176,11 +172,12 @@ def write_materials(found: SceneResult, folder: Path, bsdfs: Mapping[str, str],
         The file.
     """
     file = folder / "materials.xml"
-    write_text_whole(file, materials_xml(*bsdf_reflectances(found, bsdfs), scene, folder))
+    write_text_whole(
+        file, scene_xml.materials_xml(*scene_result.bsdf_reflectances(found, bsdfs), scene, folder))
     return file
 
 
-def write_comparisons(found: SceneResult, folder: Path) -> list[Path]:
+def write_comparisons(found: scene_result.SceneResult, folder: Path) -> list[Path]:
     """Write photo, rendering and residual of every view of a scene: as EXR, and a PNG to look at.
 
     Parameters
@@ -204,28 +201,28 @@ def write_comparisons(found: SceneResult, folder: Path) -> list[Path]:
     return files
 
 
-def _write_comparison(path: Path, of: Reconstruction, bands: tuple[str, ...]) -> None:
+def _write_comparison(path: Path, of: scenes.Reconstruction, bands: tuple[str, ...]) -> None:
     pictures = {"photo": of.measured, "rendering": of.rendered,
                 "residual": (of.measured - of.rendered) / np.maximum(of.measured, MIN_SIGNAL)}
     names = [f"{picture}.{band}" for picture in pictures for band in bands]
     write_exr(path, np.concatenate(list(pictures.values()), axis=2), names)
 
 
-def _texts(found: CaptureResult, folder: Path, title: str) -> dict[Path, str]:
+def _texts(found: capture_result.CaptureResult, folder: Path, title: str) -> dict[Path, str]:
     """Texts of spectra.csv, its metadata, materials.csv and each surface's spdx/NAME.spdx, by path.
     """
     nm, table = found.grid.nm, folder / "spectra.csv"
     columns = spectra_columns(found)
-    stated = delimited.metadata_text(table.name, columns, quantity=Quantity.REFLECTANCE,
+    stated = delimited.metadata_text(table.name, columns, quantity=spectra.Quantity.REFLECTANCE,
                            source=f"spectrabox, {title}")
     files = {table: delimited.plain_text(nm, columns), delimited.metadata_path(table): stated,
              folder / "materials.csv": colours_text(found.surfaces)}
-    return files | {folder / "spdx" / f"{file_stem(surface.name)}.spdx": spdx_text(
-        nm, {surface.name: surface.mean}, quantity=Quantity.REFLECTANCE,
+    return files | {folder / "spdx" / f"{file_stem(surface.name)}.spdx": tm27.spdx_text(
+        nm, {surface.name: surface.mean}, quantity=spectra.Quantity.REFLECTANCE,
         source=f"{surface.name}, {title}") for surface in found.surfaces}
 
 
-def spectra_columns(found: CaptureResult) -> dict[str, np.ndarray]:
+def spectra_columns(found: capture_result.CaptureResult) -> dict[str, np.ndarray]:
     """Mean, deviation, band and bounds (P,) of all recovered spectra, by the titles they get."""
     columns: dict[str, np.ndarray] = {}
     for surface in found.surfaces:
@@ -242,7 +239,7 @@ def spectra_columns(found: CaptureResult) -> dict[str, np.ndarray]:
     return columns
 
 
-def colours_text(surfaces: Sequence[SurfaceResult]) -> str:
+def colours_text(surfaces: Sequence[surface_result.SurfaceResult]) -> str:
     """A CSV with a row for each material: its colours under D65, and their standard deviations over
     the draws; 0 where the spectrum was given.
 
@@ -255,8 +252,8 @@ def colours_text(surfaces: Sequence[SurfaceResult]) -> str:
         drawn, drawn_nm = surface.mean[None], surface.nm
         if surface.samples is not None:
             drawn, drawn_nm = surface.samples.spectra, surface.samples.grid.nm
-        colours = drawn @ np.vstack([tristimulus_weights(drawn_nm, "D65"),
-                                     acescg_weights(drawn_nm)]).T
+        colours = drawn @ np.vstack([appearance.tristimulus_weights(drawn_nm, "D65"),
+                                     appearance.acescg_weights(drawn_nm)]).T
         deviation = colours.std(axis=0, ddof=1) if len(colours) > 1 else np.zeros(
             len(TABLE_COLUMNS))
         rows.append(['"' + cell(surface.name).replace('"', '""') + '"',

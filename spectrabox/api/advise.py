@@ -4,22 +4,19 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from spectrabox.api import arguments
-from spectrabox.api.estimates import MeasuredSpectra
-from spectrabox.api.session import Session
+from spectrabox.api import arguments, estimates, session
 from spectrabox.measure.advice.advice import Advice
 from spectrabox.measure.advice.advise import advice_on_signal, stated_outlook
 from spectrabox.measure.estimate import Estimate
 from spectrabox.measure.more_bands.filter_fit import LampsAtHand
-from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry import errors, grid
 from spectrabox.radiometry.spectra.filters import filters_at_hand
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.radiometry.system.threads import one_blas_thread
 
 
 @one_blas_thread()
-def advise(known: MeasuredSpectra | Estimate | Session | str | Path, *,
+def advise(known: estimates.MeasuredSpectra | Estimate | session.Session | str | Path, *,
            lamps: Sequence[str] | Mapping[str, arguments.LightLike] | None = None,
            filters: str | Path | Mapping[str, arguments.FilterLike] | None = None,
            camera: arguments.CameraLike | None = None,
@@ -62,28 +59,31 @@ def advise(known: MeasuredSpectra | Estimate | Session | str | Path, *,
     """
     hand = _at_hand(lamps, filters)
     if isinstance(known, str | Path):
-        known = Session(known)
-    if isinstance(known, Session):
+        known = session.Session(known)
+    if isinstance(known, session.Session):
         known = known.spectra
-    if isinstance(known, MeasuredSpectra):
+    if isinstance(known, estimates.MeasuredSpectra):
         if hand is None and known.found.failed_advice is None:
             return known.advice
         return known.found.advise(hand).overall
     if isinstance(known, Estimate):
         if (camera is None) != (light is None):
-            raise InputError("lamps and filters are weighed for a signal by its camera and its "
-                             "light: give both, camera= and light=")
+            raise errors.InputError(
+                "lamps and filters are weighed for a signal by its camera and its "
+                "light: give both, camera= and light=")
         if hand is None and camera is None:
             return known.advise() if known.failed_extras else known.advice
         if known.measurement is None or known.prior is None or known.measurement.states is not None:
-            raise InputError(f"lamps and filters are weighed for all regions of a photo together: "
-                             f"give the result that {known.name!r} is of")
+            raise errors.InputError(
+                f"lamps and filters are weighed for all regions of a photo together: "
+                f"give the result that {known.name!r} is of")
         return advice_on_signal(
             known.measurement, known.prior, found=stated_outlook(known), hand=hand,
             curves=None if camera is None else arguments.as_curves(camera), present=None
-            if light is None else spectrum_on_grid(arguments.as_spectrum(light), FINE_GRID))
-    raise InputError(f"advise() takes a result of flat or reconstruct_scene, a session or its "
-                     f"folder, or an estimate, and got {type(known).__name__}")
+            if light is None else spectrum_on_grid(arguments.as_spectrum(light), grid.FINE_GRID))
+    raise errors.InputError(
+        f"advise() takes a result of flat or reconstruct_scene, a session or its "
+        f"folder, or an estimate, and got {type(known).__name__}")
 
 
 def _at_hand(lamps: Sequence[str] | Mapping[str, arguments.LightLike] | None,
@@ -96,5 +96,5 @@ def _at_hand(lamps: Sequence[str] | Mapping[str, arguments.LightLike] | None,
         passed = filters_at_hand(Path(filters))
     else:
         passed = {name: arguments.as_filter(each) for name, each in (filters or {}).items()}
-    return LampsAtHand({name: spectrum_on_grid(arguments.as_spectrum(each), FINE_GRID)
+    return LampsAtHand({name: spectrum_on_grid(arguments.as_spectrum(each), grid.FINE_GRID)
                         for name, each in by_name.items()}, passed)

@@ -10,20 +10,19 @@ from numpy.typing import ArrayLike
 
 from spectrabox.api.known_camera import KnownCamera
 from spectrabox.measure.shoot.options import Sampling
-from spectrabox.radiometry.chart import CLASSIC, Chart
+from spectrabox.radiometry import chart, checked_tables, errors, findings, gloss, interreflection
 from spectrabox.radiometry.charts.layouts import chart_layout
-from spectrabox.radiometry.checked_tables import checked
-from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.findings import Finding, faults
-from spectrabox.radiometry.gloss import SURFACE_WORDS
 from spectrabox.radiometry.grid import FINE_GRID, WavelengthGrid
-from spectrabox.radiometry.interreflection import response_matrix, white_signal
 from spectrabox.radiometry.records import spectra
 from spectrabox.radiometry.records.calibration import Calibration, Filter
-from spectrabox.radiometry.spectra import filters, named_spectra, spectrum_files
-from spectrabox.radiometry.spectra.cameras import relative_curve_error, stated_curve_error
-from spectrabox.radiometry.spectra.given_spectra import Curves, as_samples
-from spectrabox.radiometry.spectra.light_words import UNKNOWN
+from spectrabox.radiometry.spectra import (
+    cameras,
+    filters,
+    given_spectra,
+    light_words,
+    named_spectra,
+    spectrum_files,
+)
 from spectrabox.sampling.prior import mixture
 
 if TYPE_CHECKING:
@@ -34,9 +33,9 @@ Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 
 
-LightLike = str | Path | spectra.Spectrum | spectra.UnknownLight | Curves
-FilterLike = str | Path | Filter | Curves
-CameraLike = Union[str, Path, KnownCamera, "CameraEstimate", Calibration, Curves]
+LightLike = str | Path | spectra.Spectrum | spectra.UnknownLight | given_spectra.Curves
+FilterLike = str | Path | Filter | given_spectra.Curves
+CameraLike = Union[str, Path, KnownCamera, "CameraEstimate", Calibration, given_spectra.Curves]
 
 
 def as_light(light: LightLike) -> spectra.Spectrum | spectra.UnknownLight:
@@ -60,7 +59,7 @@ def as_light(light: LightLike) -> spectra.Spectrum | spectra.UnknownLight:
         return light
     if isinstance(light, str | Path):
         return named_spectra.stated_light(str(light), FINE_GRID)
-    nm, values = as_samples(light, "light")
+    nm, values = given_spectra.as_samples(light, "light")
     power = named_spectra.checked_light(spectrum_files.on_grid(nm, values, FINE_GRID, "light"),
                                         "the light")
     return spectra.Spectrum(FINE_GRID, power, spectra.Quantity.RELATIVE, "given")
@@ -77,9 +76,9 @@ def as_filter(through: FilterLike) -> Filter:
     if isinstance(through, Filter):
         return through
     if isinstance(through, str | Path):
-        return filters.unknown_filter() if str(through) == UNKNOWN else filters.read_filter(
-            Path(through))
-    nm, values = as_samples(through, "filter")
+        return filters.unknown_filter() if str(
+            through) == light_words.UNKNOWN else filters.read_filter(Path(through))
+    nm, values = given_spectra.as_samples(through, "filter")
     return filters.filter_of("given", nm, values)
 
 
@@ -93,8 +92,9 @@ def as_spectrum(light: LightLike) -> spectra.Spectrum:
     """
     known = as_light(light)
     if isinstance(known, spectra.UnknownLight):
-        raise InputError(f"the light is stated as {known.words}, and its spectrum is needed here; "
-                         "give a file, (nm, values) or a CIE name such as 'D65'")
+        raise errors.InputError(
+            f"the light is stated as {known.words}, and its spectrum is needed here; "
+            "give a file, (nm, values) or a CIE name such as 'D65'")
     return known
 
 
@@ -118,12 +118,13 @@ def as_curves(camera: CameraLike, grid: WavelengthGrid = FINE_GRID) -> np.ndarra
     if isinstance(camera, KnownCamera):
         return spectrum_files.on_grid(camera.nm, camera.curves, grid, camera.name)
     if isinstance(camera, tuple) or hasattr(camera, "wavelengths"):
-        nm, curves = as_samples(camera, "camera")
+        nm, curves = given_spectra.as_samples(camera, "camera")
         return named_spectra.checked_curves(
             spectrum_files.on_grid(nm, np.atleast_2d(curves), grid, "camera"), "the camera", grid)
     if not isinstance(camera, Calibration) and not hasattr(camera, "calibration"):
-        raise InputError(f"camera: {type(camera).__name__} is no camera; give a name, a file, a "
-                         "fitted camera, or wavelengths and curves (nm, curves)")
+        raise errors.InputError(
+            f"camera: {type(camera).__name__} is no camera; give a name, a file, a "
+            "fitted camera, or wavelengths and curves (nm, curves)")
     require_sensitivities(camera)
     fit = camera.sensitivity if isinstance(camera, Calibration) else camera.fit.sensitivity
     return spectrum_files.on_grid(fit.grid.nm, fit.curves, grid, "camera")
@@ -143,7 +144,7 @@ def band_names(camera: CameraLike, count: int) -> tuple[str, ...]:
     return tuple(getattr(camera, "bands", ("",) * count))
 
 
-def curve_error(camera: CameraLike) -> tuple[float | None, tuple[Finding, ...]]:
+def curve_error(camera: CameraLike) -> tuple[float | None, tuple[findings.Finding, ...]]:
     """Standard error of a fitted camera's curves, of their highest peak, and what speaks against
     its fit.
 
@@ -160,13 +161,13 @@ def curve_error(camera: CameraLike) -> tuple[float | None, tuple[Finding, ...]]:
     if isinstance(camera, KnownCamera):
         camera = camera.name
     if isinstance(camera, str | Path):
-        return stated_curve_error(str(camera)), ()
+        return cameras.stated_curve_error(str(camera)), ()
     if isinstance(camera, tuple) or hasattr(camera, "wavelengths"):
         return None, ()
     calibration = camera if isinstance(camera, Calibration) else camera.calibration
     fit = calibration.sensitivity
-    return None if fit.standard_error is None else relative_curve_error(
-        fit.curves, fit.standard_error), faults(calibration.findings)
+    return None if fit.standard_error is None else cameras.relative_curve_error(
+        fit.curves, fit.standard_error), findings.faults(calibration.findings)
 
 
 def require_sensitivities(camera: Calibration | CameraEstimate) -> None:
@@ -188,9 +189,9 @@ def require_sensitivities(camera: Calibration | CameraEstimate) -> None:
 
 def relative_response(camera: CameraLike, light: LightLike) -> np.ndarray:
     """Response (K, 301) of a camera's bands to reflectances under a light; rows sum to 1."""
-    matrix = response_matrix(FINE_GRID, as_curves(camera),
+    matrix = interreflection.response_matrix(FINE_GRID, as_curves(camera),
                              spectrum_files.spectrum_on_grid(as_spectrum(light), FINE_GRID))
-    return matrix / white_signal(matrix)[:, None]
+    return matrix / interreflection.white_signal(matrix)[:, None]
 
 
 def as_prior(
@@ -198,17 +199,17 @@ def as_prior(
 ) -> mixture.LogitMixture:
     """The shipped prior, one of a file, or a record; of some families where they are stated."""
     if not isinstance(prior, str | Path | mixture.LogitMixture | None):
-        raise InputError(f"prior: {type(prior).__name__} is no prior; give a file")
+        raise errors.InputError(f"prior: {type(prior).__name__} is no prior; give a file")
     learnt = prior if isinstance(prior, mixture.LogitMixture) else mixture.load_prior(
         None if prior is None else Path(prior))
     return mixture.of_families(learnt, families)
 
 
-def as_chart(layout: str | Path | Chart | None) -> Chart:
+def as_chart(layout: str | Path | chart.Chart | None) -> chart.Chart:
     """A chart by the name it is sold under, a layout file, or a record; the Classic by default."""
-    if isinstance(layout, Chart):
+    if isinstance(layout, chart.Chart):
         return layout
-    return CLASSIC if layout is None else chart_layout(str(layout))
+    return chart.CLASSIC if layout is None else chart_layout(str(layout))
 
 
 def as_corners(corners: ArrayLike | None) -> np.ndarray | None:
@@ -223,8 +224,9 @@ def as_corners(corners: ArrayLike | None) -> np.ndarray | None:
         return None
     points = np.asarray(corners)
     if points.shape != (4, 2) or points.dtype.kind not in "iuf" or not np.isfinite(points).all():
-        raise InputError(f"corners= is four points [(x, y), ...] in pixels of the photo; {corners} "
-                         "was given")
+        raise errors.InputError(
+            f"corners= is four points [(x, y), ...] in pixels of the photo; {corners} "
+            "was given")
     return points.astype(float)
 
 
@@ -236,7 +238,7 @@ def sampling_of(**stated: Any) -> Sampling:
     InputError
         If a number is out of its range.
     """
-    return checked(Sampling, stated, "arguments")
+    return checked_tables.checked(Sampling, stated, "arguments")
 
 
 def surfaces_of(surface: str | Mapping[str, str] | None, names: Collection[str],
@@ -260,9 +262,9 @@ def surfaces_of(surface: str | Mapping[str, str] | None, names: Collection[str],
         if isinstance(surface, str) else dict(surface)
     for name, word in stated.items():
         if name not in names:
-            raise InputError(f"there is no {kind} {name!r}; there are {', '.join(names)}")
-        if word not in SURFACE_WORDS:
-            raise InputError(f"a surface is {', '.join(SURFACE_WORDS)}, not {word!r}")
+            raise errors.InputError(f"there is no {kind} {name!r}; there are {', '.join(names)}")
+        if word not in gloss.SURFACE_WORDS:
+            raise errors.InputError(f"a surface is {', '.join(gloss.SURFACE_WORDS)}, not {word!r}")
     return stated
 
 
@@ -279,6 +281,7 @@ def families_of(families: str | Sequence[str] | None) -> tuple[str, ...]:
         return ()
     stated = (families,) if isinstance(families, str) else families
     if not isinstance(stated, list | tuple) or not all(isinstance(one, str) for one in stated):
-        raise InputError(f"families: {families!r} are no names of families; give one, such as "
-                         "'paint', or a list of them")
+        raise errors.InputError(
+            f"families: {families!r} are no names of families; give one, such as "
+            "'paint', or a list of them")
     return tuple(stated)

@@ -16,9 +16,7 @@ from spectrabox.calibrate import chart_findings
 from spectrabox.calibrate.doubts import LightEvidence
 from spectrabox.measure import camera, plots
 from spectrabox.measure.profiles.camera_profile import compare_matrices
-from spectrabox.radiometry.chart import Chart
-from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import in_folder, write_text_whole
+from spectrabox.radiometry import chart, errors, files
 from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.photos import LinearImage
@@ -59,7 +57,7 @@ class CameraEstimate:
     fit: camera.CameraFit
     bands: tuple[str, ...]
     photo: LinearImage
-    layout: Chart
+    layout: chart.Chart
 
     @property
     def calibration(self) -> Calibration:
@@ -89,7 +87,7 @@ class CameraEstimate:
             For measured curves, which have no band.
         """
         if self.fit.band is None:
-            raise InputError("measured curves have no band of their own")
+            raise errors.InputError("measured curves have no band of their own")
         return self.fit.band.lower, self.fit.band.upper
 
     @property
@@ -210,9 +208,11 @@ class CameraEstimate:
         EnvironmentProblem
             If the file cannot be written; an older one is left as it was.
         """
-        target = in_folder(path)
-        write_text_whole(target, table_text(self.nm, self.fit.columns(), quantity=Quantity.RELATIVE,
-                                            source=self.fit.source))
+        target = files.in_folder(path)
+        files.write_text_whole(
+            target,
+            table_text(self.nm, self.fit.columns(), quantity=Quantity.RELATIVE,
+                       source=self.fit.source))
         return target
 
     def __repr__(self) -> str:
@@ -226,7 +226,7 @@ class CameraEstimate:
 @one_blas_thread()
 def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo], *,
                light: arguments.LightLike | list[arguments.LightLike],
-               layout: str | Path | Chart | None = None, reference: str | None = None,
+               layout: str | Path | chart.Chart | None = None, reference: str | None = None,
                chart_scene: str | Path | None = None, leave_out: Sequence[int] = (),
                method: str = shoot_arguments.SENSITIVITY.method, prior: str | Path | None = None,
                seed: int = 0) -> CameraEstimate:
@@ -278,11 +278,12 @@ def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo], *,
     """
     given = [charts] if isinstance(charts, str | Path | Photo) else list(charts)
     if not given:
-        raise InputError("no photo was given; give one photo of a chart or more")
+        raise errors.InputError("no photo was given; give one photo of a chart or more")
     lights = light if isinstance(light, list) else [light]
     if len(lights) not in (1, len(given)):
-        raise InputError(f"{len(lights)} lights were given for {len(given)} photos; give one for "
-                         "each photo or one for all")
+        raise errors.InputError(
+            f"{len(lights)} lights were given for {len(given)} photos; give one for "
+            "each photo or one for all")
     photos = [one if isinstance(one, Photo) else open_photo(one) for one in given]
     stated = []
     for one in lights:

@@ -7,11 +7,9 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from spectrabox.api import arguments, shoot_arguments
-from spectrabox.api.array_arguments import require_mapping
+from spectrabox.api import arguments, array_arguments, estimates, shoot_arguments
 from spectrabox.api.chart_check import ChartCheck
 from spectrabox.api.colour_profile import ColourProfile, profile_of
-from spectrabox.api.estimates import MeasuredSpectra
 from spectrabox.api.photo import Photo
 from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.calibrate import chart_findings
@@ -33,7 +31,7 @@ BEGIN = {"chart": 0.0, "photo": 0.15, "calibrate": 0.2, "signals": 0.5, "sample"
 OutlineLike = Sequence[float] | Sequence[Sequence[float]]
 
 
-class FlatSpectra(MeasuredSpectra):
+class FlatSpectra(estimates.MeasuredSpectra):
     """Estimates of the regions of a flat sample, with the calibration that they come from.
 
     Attributes
@@ -186,7 +184,7 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, OutlineLike], *,
             ("families", families, 'such as {"wall": "paint"}'), ("known", known, '{"card": 0.9}'),
             ("truth", truth, '{"wall": "wall.csv"}'),
             ("filtered", filtered, '{"gel.dng": "gel.csv"}'), ("also", also, '{"led.dng": "led"}')):
-        require_mapping(given, argument, form)
+        array_arguments.require_mapping(given, argument, form)
     for name in (*(families or {}), *(known or {}), *(truth or {})):
         if name not in regions:
             raise InputError(f"there is no region {name!r}; there are {', '.join(regions)}")

@@ -10,8 +10,7 @@ import numpy as np
 from spectrabox.measure import plots
 from spectrabox.radiometry.files import in_folder, write_text_whole
 from spectrabox.radiometry.records.spectra import Quantity
-from spectrabox.radiometry.spectra.named_spectra import named_curves
-from spectrabox.radiometry.spectra.spectrum_files import table_text
+from spectrabox.radiometry.spectra import named_spectra, spectrum_files
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -85,7 +84,7 @@ class KnownCamera:
             If the file cannot be written; an older one is left as it was.
         """
         target = in_folder(path)
-        write_text_whole(target, table_text(
+        write_text_whole(target, spectrum_files.table_text(
             self.nm, dict(zip(self.bands, self.curves, strict=True)), quantity=Quantity.RELATIVE,
             source=self.name))
         return target
@@ -128,5 +127,5 @@ def camera(name: str) -> KnownCamera:
     >>> nikon.nm, nikon.curves
     >>> orange = sb.sample([0.53, 0.24, 0.08], camera=nikon, light="D65", noise=0.003)
     """
-    known, nm, bands, curves = named_curves(name)
+    known, nm, bands, curves = named_spectra.named_curves(name)
     return KnownCamera(known, nm, bands, curves / curves.max())

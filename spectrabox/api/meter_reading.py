@@ -8,14 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from spectrabox.capture.meter import measurement
-from spectrabox.capture.meter.instruments.instrument_errors import NoReplyError
-from spectrabox.capture.meter.instruments.interface import Instrument, MeterSettings
-from spectrabox.capture.meter.measurement_series import series_of, series_spectrum
-from spectrabox.measure import texts
-from spectrabox.measure.plots import axes_for
-from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import in_folder, write_text_whole
+from spectrabox.capture.meter import measurement, measurement_series
+from spectrabox.capture.meter.instruments import instrument_errors, interface
+from spectrabox.measure import plots, texts
+from spectrabox.radiometry import errors, files
 from spectrabox.radiometry.findings import Finding, each_once
 from spectrabox.radiometry.records.spectra import Spectrum
 from spectrabox.radiometry.spectra.readings import ReadingOutcome, SpectralReading
@@ -106,7 +102,7 @@ class MeterReading:
         columns = {"value": self.values}
         if self.standard_error is not None:
             columns["standard_error"] = self.standard_error
-        write_text_whole(in_folder(path), table_text(
+        files.write_text_whole(files.in_folder(path), table_text(
             self.nm, columns, quantity=self.spectrum.quantity, source=self.spectrum.source))
 
     def plot(self, axes: Axes | None = None) -> Axes:
@@ -121,7 +117,7 @@ class MeterReading:
         -------
         Axes
         """
-        axes = axes_for(axes)
+        axes = plots.axes_for(axes)
         axes.plot(self.nm, self.values, lw=1.2)
         axes.set(xlabel="wavelength (nm)", ylabel=self.quantity, title=self.spectrum.source)
         return axes
@@ -177,32 +173,35 @@ def measure_spectrum(port: str, instrument: str, *, readings: int = 1,
     with measurement.open_instrument(instrument, port, lambda direction, passed: None) as meter:
         _require_known(meter, calibrate, button)
         identity = measurement.trusted_identity(meter)
-        meter.settings(MeterSettings(integration_ms, averages, sync_hz))
+        meter.settings(interface.MeterSettings(integration_ms, averages, sync_hz))
         if calibrate:
             for which, advice in meter.calibrations.items():
                 input(f"{which} calibration of the {meter.family}: {advice}, then press Enter")
                 meter.calibrate(which)
         if button and not meter.pressed(PRESS_S):
-            raise NoReplyError(f"the button of the {meter.family} was not pressed within "
-                               f"{PRESS_S:g} s")
+            raise instrument_errors.NoReplyError(
+                f"the button of the {meter.family} was not pressed within "
+                f"{PRESS_S:g} s")
         taken = []
         for number in range(readings):
             meter.by_button = button and number == 0
             taken.append(measurement.take_reading(meter, identity))
-    series = series_of(taken, "the spectrum")
+    series = measurement_series.series_of(taken, "the spectrum")
     last = taken[-1]
     stated = "" if last.calibration is None else f", calibration: {last.calibration}"
     source = f"{last.instrument} {last.serial_number}, {last.taken_at}{stated}"
     if any(reading.outcome is ReadingOutcome.LOW_LIGHT for reading in taken):
         warnings.warn(texts.says(ReadingOutcome.LOW_LIGHT.finding), stacklevel=2)
-    return MeterReading(series_spectrum(series, source), tuple(taken))
+    return MeterReading(measurement_series.series_spectrum(series, source), tuple(taken))
 
 
-def _require_known(meter: Instrument, calibrate: bool | None, button: bool) -> None:
+def _require_known(meter: interface.Instrument, calibrate: bool | None, button: bool) -> None:
     if meter.calibrations and calibrate is None:
-        raise InputError(f"a {meter.family} is calibrated before it measures: say calibrate=True, "
-                         "or calibrate=False to measure with the calibration that it has")
+        raise errors.InputError(
+            f"a {meter.family} is calibrated before it measures: say calibrate=True, "
+            "or calibrate=False to measure with the calibration that it has")
     if calibrate and not meter.calibrations:
-        raise InputError(f"a {meter.family} has no calibration to be made: leave calibrate out")
+        raise errors.InputError(
+            f"a {meter.family} has no calibration to be made: leave calibrate out")
     if button and not meter.has_button:
-        raise InputError(f"a {meter.family} takes no reading by a button: leave button out")
+        raise errors.InputError(f"a {meter.family} takes no reading by a button: leave button out")

@@ -12,15 +12,10 @@ from numpy.typing import ArrayLike
 from spectrabox.api.arguments import as_chart, as_corners
 from spectrabox.capture.chart.quality import ChartVerdict
 from spectrabox.capture.develop.developed import develop_photos
-from spectrabox.capture.photo import preview
-from spectrabox.capture.photo.image_files import image_of_array
-from spectrabox.measure import chart_patches, texts
-from spectrabox.measure.camera import judged_chart
-from spectrabox.measure.captured import InputFile
-from spectrabox.measure.plots import axes_for
+from spectrabox.capture.photo import image_files, preview
+from spectrabox.measure import camera, captured, chart_patches, plots, texts
+from spectrabox.radiometry import errors, files
 from spectrabox.radiometry.chart import Chart
-from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import in_folder, write_text_whole
 from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records import photos
 
@@ -94,7 +89,7 @@ class Photo:
         -------
         matplotlib Axes
         """
-        axes = axes_for(axes)
+        axes = plots.axes_for(axes)
         width, height = self.size_px
         step = -(-max(self.image.signal.shape[:2]) // PREVIEW_PX)
         axes.imshow(preview.signal_rgb8(self.image.signal, step),
@@ -151,16 +146,17 @@ def open_photo(photo: str | Path | list[str | Path] | np.ndarray, *,
     >>> photo = sb.open_photo("painting/photos/painting.dng")
     """
     if orientation is not None and orientation not in range(1, 9):
-        raise InputError(f"orientation={orientation} is none of EXIF's, 1 to 8")
+        raise errors.InputError(f"orientation={orientation} is none of EXIF's, 1 to 8")
     if isinstance(photo, np.ndarray):
         if dark or flat is not None:
-            raise InputError("an array is taken as it is; subtract dark frames and divide by the "
-                             "flat field before, or give files")
+            raise errors.InputError(
+                "an array is taken as it is; subtract dark frames and divide by the "
+                "flat field before, or give files")
         turn = preview.AS_READ if orientation is None else orientation
-        return Photo(preview.turned(image_of_array(photo), turn), (), turn)
+        return Photo(preview.turned(image_files.image_of_array(photo), turn), (), turn)
     paths = [Path(one) for one in (photo if isinstance(photo, list) else [photo])]
     if not paths:
-        raise InputError("no photo was given; give one, or several exposures of a bracket")
+        raise errors.InputError("no photo was given; give one, or several exposures of a bracket")
     turn = preview.photo_orientation(paths[0]) if orientation is None else orientation
     image, findings = develop_photos(paths, [Path(one) for one in dark or []],
                                      None if flat is None else Path(flat), not_linear,
@@ -168,12 +164,12 @@ def open_photo(photo: str | Path | list[str | Path] | np.ndarray, *,
     return Photo(image, findings, turn)
 
 
-def as_input_file(photo: str | Path | Photo) -> InputFile:
+def as_input_file(photo: str | Path | Photo) -> captured.InputFile:
     """A photo's file, or a photo that is open already, as a capture names it."""
     if isinstance(photo, Photo):
         source = photo.image.source
-        return InputFile(source, Path(source), photo.image, photo.findings)
-    return InputFile(str(photo), Path(photo))
+        return captured.InputFile(source, Path(source), photo.image, photo.findings)
+    return captured.InputFile(str(photo), Path(photo))
 
 
 @dataclass(frozen=True, eq=False)
@@ -314,7 +310,8 @@ class ChartInPhoto:
         EnvironmentProblem
             If the file cannot be written; an older one is left as it was.
         """
-        write_text_whole(in_folder(path), chart_patches.table_of_columns(self.columns()))
+        files.write_text_whole(files.in_folder(path),
+                               chart_patches.table_of_columns(self.columns()))
         return Path(path)
 
     def plot(self, axes: Axes | None = None) -> Axes:
@@ -381,5 +378,5 @@ def find_chart(photo: str | Path | Photo | np.ndarray, *, layout: str | Path | C
     """
     opened = photo if isinstance(photo, Photo) else open_photo(photo)
     chart = as_chart(layout)
-    detection, quality = judged_chart(opened.image, chart, reference, as_corners(corners))
+    detection, quality = camera.judged_chart(opened.image, chart, reference, as_corners(corners))
     return ChartInPhoto(opened, chart, detection, quality)

@@ -4,24 +4,18 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from spectrabox.api.flat import FlatSpectra
+from spectrabox.api import flat, scene
 from spectrabox.api.progress import ProgressLike, progress_steps
-from spectrabox.api.scene import SceneSpectra
-from spectrabox.measure.captured import FlatCapture
-from spectrabox.measure.estimate import Estimate
-from spectrabox.measure.plots import spectrum_html
+from spectrabox.measure import captured, estimate, plots
 from spectrabox.radiometry.errors import CheckError
+from spectrabox.session import kept_stages, pipeline
 from spectrabox.session.config.session_file import read_session
-from spectrabox.session.kept_stages import load_finished
-from spectrabox.session.outputs.run_outputs import outputs_of_run
-from spectrabox.session.outputs.session_results import picture_folder
-from spectrabox.session.pipeline import run_stages
+from spectrabox.session.outputs import run_outputs, session_results
 from spectrabox.session.problems import check_session
-from spectrabox.session.store.locks import only_writer
-from spectrabox.session.store.rehearsals import stored_rehearsal
+from spectrabox.session.store import locks, rehearsals
 
 
-class Session(Mapping[str, Estimate]):
+class Session(Mapping[str, estimate.Estimate]):
     """A session folder: check it, run it, and look at its surfaces by name.
 
     Parameters
@@ -90,14 +84,16 @@ class Session(Mapping[str, Estimate]):
             With the sentences of ``spectrabox run``.
         """
         self.config = read_session(self.folder, self._allow_outside)
-        with only_writer(self.config.folder, "Session.run"), \
+        with locks.only_writer(self.config.folder, "Session.run"), \
                 progress_steps(progress, "session") as step:
             def show(stage: str, share: float, message: str) -> None:
                 step(share, f"{stage} {message}")
 
-            finished = run_stages(self.config, device=device, only=None, force=force, progress=show)
-            outputs_of_run(self.config, finished, ["spectrabox", "run", self.folder.name,
-                                                   "--device", device], device, show)
+            finished = pipeline.run_stages(self.config, device=device, only=None, force=force,
+                                           progress=show)
+            run_outputs.outputs_of_run(self.config, finished,
+                                       ["spectrabox", "run", self.folder.name, "--device", device],
+                                       device, show)
         return self
 
     @property
@@ -106,7 +102,7 @@ class Session(Mapping[str, Estimate]):
         return self.config.folder / "report.html"
 
     @property
-    def spectra(self) -> FlatSpectra | SceneSpectra:
+    def spectra(self) -> flat.FlatSpectra | scene.SceneSpectra:
         """What the last run found, as ``flat`` and ``reconstruct_scene`` return it.
 
         Raises
@@ -114,11 +110,13 @@ class Session(Mapping[str, Estimate]):
         InputError
             If the session has not been run.
         """
-        run = load_finished(self.config)
-        if isinstance(run.capture, FlatCapture):
-            return FlatSpectra(run.capture, run.records, picture_folder(self.config))
-        return SceneSpectra(run.capture, run.records, stored_rehearsal(self.config),
-                            picture_folder(self.config))
+        run = kept_stages.load_finished(self.config)
+        if isinstance(run.capture, captured.FlatCapture):
+            return flat.FlatSpectra(run.capture, run.records,
+                                    session_results.picture_folder(self.config))
+        return scene.SceneSpectra(run.capture, run.records,
+                                  rehearsals.stored_rehearsal(self.config),
+                                  session_results.picture_folder(self.config))
 
     @property
     def verdict(self) -> str:
@@ -136,7 +134,7 @@ class Session(Mapping[str, Estimate]):
         """What the report warns of, in sentences."""
         return list(self.spectra.notes)
 
-    def __getitem__(self, name: str) -> Estimate:
+    def __getitem__(self, name: str) -> estimate.Estimate:
         return self.spectra[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -150,4 +148,4 @@ class Session(Mapping[str, Estimate]):
                 f"{len(self)} surfaces: {', '.join(self)}>")
 
     def _repr_html_(self) -> str:
-        return spectrum_html(list(self.values()))
+        return plots.spectrum_html(list(self.values()))

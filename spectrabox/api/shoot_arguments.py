@@ -12,20 +12,15 @@ from spectrabox.api import arguments
 from spectrabox.api.photo import Photo, as_input_file
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.measure.captured import FlatCapture, SceneCapture
-from spectrabox.measure.shoot.captures import capture_of
-from spectrabox.measure.shoot.inputs import Inputs
-from spectrabox.measure.shoot.options import Inversion, Sampling
-from spectrabox.measure.shoot.shoot import SensitivitySection, SessionSection, Shoot
+from spectrabox.measure.shoot import captures, inputs, options, shoot
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records.calibration import Filter
-from spectrabox.radiometry.records.spectra import UnknownLight
-from spectrabox.radiometry.spectra.given_spectra import KnownSpectrum, as_known
-from spectrabox.radiometry.spectra.light_words import UNKNOWN
+from spectrabox.radiometry.records import calibration, spectra
+from spectrabox.radiometry.spectra import given_spectra, light_words
 
 # their defaults
 SESSION, SAMPLING, INVERSION, SENSITIVITY = (
-    SessionSection(), Sampling(), Inversion(), SensitivitySection())
+    shoot.SessionSection(), options.Sampling(), options.Inversion(), shoot.SensitivitySection())
 Table = dict[str, Any]
 
 
@@ -45,7 +40,8 @@ class Arguments:
         InputError
             If a value is out of its range, or a file cannot be read.
         """
-        return capture_of(Shoot.from_arguments(tables), Inputs(Path(), True, self._given))
+        return captures.capture_of(shoot.Shoot.from_arguments(tables),
+                                   inputs.Inputs(Path(), True, self._given))
 
     def _named(self, name: str, record: Any) -> str:
         """The name under which a record is kept: numbered where another has it."""
@@ -67,17 +63,18 @@ class Arguments:
         record = arguments.as_light(light)
         if isinstance(light, str | Path):
             words = str(light)
-            if isinstance(record, UnknownLight):
+            if isinstance(record, spectra.UnknownLight):
                 return {"word": words}
             self._given.setdefault(words, record)
             return {"file": words}
-        if isinstance(record, UnknownLight):
-            return {"cct": record.cct} if record.cct else {"word": record.kind or UNKNOWN}
+        if isinstance(record, spectra.UnknownLight):
+            return {"cct": record.cct
+                    } if record.cct else {"word": record.kind or light_words.UNKNOWN}
         return {"file": self._named(record.source, record)}
 
     def filter(self, through: arguments.FilterLike, photo: str | Path) -> Table:
         """A filter before the lens or the lamp of a photo."""
-        words = through.name if isinstance(through, Filter) else \
+        words = through.name if isinstance(through, calibration.Filter) else \
             str(through) if isinstance(through, str | Path) else "given"
         return {"file": self._named(f"{words}, {photo}", arguments.as_filter(through))}
 
@@ -94,18 +91,19 @@ class Arguments:
             "prior": self._named(str(prior), load_camera_prior(Path(prior)))}
 
     def surface(self, name: str, families: Mapping[str, str | Sequence[str]] | None,
-                surfaces: Mapping[str, str], known: Mapping[str, KnownSpectrum | None],
-                truth: Mapping[str, KnownSpectrum]) -> Table:
+                surfaces: Mapping[str, str], known: Mapping[str,
+                                                            given_spectra.KnownSpectrum | None],
+                truth: Mapping[str, given_spectra.KnownSpectrum]) -> Table:
         """What is stated of a surface, each argument by its name."""
         return {"family": list(arguments.families_of((families or {}).get(name))) or None,
                 "surface": surfaces.get(name),
                 "known": self._reflectance(known.get(name), name),
                 "truth": self._reflectance(truth.get(name), name)}
 
-    def _reflectance(self, given: KnownSpectrum | None, name: str) -> Table | None:
+    def _reflectance(self, given: given_spectra.KnownSpectrum | None, name: str) -> Table | None:
         if given is None:
             return None
-        return {"file": self._named(f"reflectance of {name}", as_known(given, name))}
+        return {"file": self._named(f"reflectance of {name}", given_spectra.as_known(given, name))}
 
     def outline(self, region: Sequence[float] | Sequence[Sequence[float]], name: str) -> Table:
         """A rectangle, or the corners of a region going round.
