@@ -40,7 +40,6 @@ from spectrabox.fixtures.demos.painted_box import (
 from spectrabox.fixtures.paints import NM, paint
 from spectrabox.measure.pictures import scene_light
 from spectrabox.measure.pictures.lit_photo import LitPhoto
-from spectrabox.measure.steps import pictures
 from spectrabox.radiometry.error_model import Errors
 from spectrabox.radiometry.grid import FINE_GRID as FINE
 from spectrabox.radiometry.grid import grid_from_nm, interpolation_matrix
@@ -168,7 +167,7 @@ def quality(kind: str, size: tuple[int, int], spp: int, seed: int,
     write_session(folder, kind, size, spp, seed)
     truth = painted_truth(patterns_of(kind, seed), size)
     lit: list[LitPhoto] = []
-    found = pictures.converge_light
+    found = scene_light.converge_light
 
     def noted(*given: Any) -> Any:
         """The light; but the first masks no highlights: all lights are scored by the same pixels.
@@ -180,7 +179,7 @@ def quality(kind: str, size: tuple[int, int], spp: int, seed: int,
         return made
 
     answers = {}
-    pictures.converge_light = noted     # type: ignore[assignment]
+    scene_light.converge_light = noted     # type: ignore[assignment]
     try:
         for light in ("as found", "as grey", "direct only"):
             if light == "as grey":
@@ -202,7 +201,7 @@ def quality(kind: str, size: tuple[int, int], spp: int, seed: int,
                 flat = flat_scores(folder, finished, lit[0], np.flatnonzero(seen), truth[seen],
                                    seed)
     finally:
-        pictures.converge_light, scene_light.illumination = found, illumination
+        scene_light.converge_light, scene_light.illumination = found, illumination
         scene_light.PENUMBRA_ERROR = PENUMBRA_ERROR
     print(f"{kind}: without a spectrum {1 - reasons[0]:.1%}; changes of the light by rounds "
           f"{np.round(rounds, 4).tolist()}", file=sys.stderr)

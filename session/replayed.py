@@ -1,12 +1,14 @@
 """A finished session replayed with known truths, and rendered under another light."""
 from __future__ import annotations
 
+import numpy as np
+
 from spectrabox.measure.captured import SceneCapture, require_scene
 from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.results.calibration_facts import checks
 from spectrabox.measure.scene import box_camera, rehearsal
 from spectrabox.measure.scene.rehearsal import rehearse as rehearse_scene
-from spectrabox.measure.scene.relight import Relit, light_by_itself
+from spectrabox.measure.scene.relight import ColourSpread, light_by_itself
 from spectrabox.measure.scene.relight import relight as relight_scene
 from spectrabox.measure.steps import inversion
 from spectrabox.radiometry.errors import InputError
@@ -101,7 +103,8 @@ OBSERVER = "CIE 1931 2 Degree Standard Observer"
 
 
 def relight(run: kept_stages.FinishedRun, *, light: str | None, observer: str,
-            size: tuple[int, int], spp: int, device: str) -> tuple[Relit, tuple[str, ...]]:
+            size: tuple[int, int], spp: int, device: str
+            ) -> tuple[np.ndarray, np.ndarray, tuple[ColourSpread, ...], tuple[str, ...]]:
     """Render the scene with the means of the draws.
 
     Parameters
@@ -119,7 +122,8 @@ def relight(run: kept_stages.FinishedRun, *, light: str | None, observer: str,
 
     Returns
     -------
-    relit : Relit
+    xyz, picture, colours
+        As of ``measure.scene.relight.relight``.
     notes : tuple of str
         How surely the light by itself is known.
 
@@ -144,6 +148,6 @@ def relight(run: kept_stages.FinishedRun, *, light: str | None, observer: str,
                           size=size, spp=spp, seed=capture.seed)
     posterior = calibration.light_posterior
     if light is not None or posterior is None:
-        return relit, ()
-    return relit, ("nobody measured the session's light: rendered under the most likely one",
-                   *checks(posterior.findings))
+        return *relit, ()
+    return *relit, ("nobody measured the session's light: rendered under the most likely one",
+                    *checks(posterior.findings))

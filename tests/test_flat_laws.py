@@ -190,7 +190,7 @@ def test_the_map_of_the_light_shows_what_a_known_card_said(monkeypatch):
         covariance[6:, 6:] = 0.08**2 * np.exp(-((apart / 3)**2))
         return LightAtRegions(LEVEL, 0 * GLARE, np.zeros(len(at)), covariance, np.ones(1))
     monkeypatch.setattr(module, "_light_at", smooth)
-    monkeypatch.setattr(module, "relative_response", lambda *_: np.eye(3))
+    monkeypatch.setattr(module.interreflection, "relative_response", lambda *_: np.eye(3))
     signal = EXPOSURE * LEVEL * SURFACES
     regions = RegionSamples(("cloth", "card"), signal, np.zeros((2, 3, 3)), np.full(2, 100),
                             np.zeros((2, 3)), np.array([np.full((25, 2), 3.0), np.zeros((25, 2))]))

@@ -19,11 +19,11 @@ from spectrabox.measure.pictures import pixel_spectra, scene_light
 from spectrabox.measure.pictures.crop import Crop
 from spectrabox.measure.pictures.illumination import Illumination, even_light, light_adaptation
 from spectrabox.measure.pictures.lit_photo import GREY, LitPhoto
-from spectrabox.measure.pictures.photo_white import ReferenceSurfaces
 from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
 from spectrabox.measure.pictures.pixel_flags import CLIPPED, SEEN
 from spectrabox.measure.pictures.pixel_spectra import KeptWavelengths, plan_spectra, survey_rows
 from spectrabox.measure.pictures.shown_bands import shown_bands
+from spectrabox.radiometry import error_model
 from spectrabox.radiometry.gloss import gloss_states
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records.calibration import LightScale
@@ -146,7 +146,7 @@ def test_scatter_of_a_known_surface_is_that_beyond_its_noise(monkeypatch, spread
         disagreement=0.0,
         joint=SimpleNamespace(views=[SimpleNamespace(light_scale=LightScale(1, 0, None, ""))]))
     monkeypatch.setattr(references, "surface_covariance", lambda *_: np.zeros((bands, bands)))
-    found = references.compare_reference_surfaces(scene, light, np.ones(nodes, bool)).covariance
+    _, found = references.compare_reference_surfaces(scene, light, np.ones(nodes, bool))
     # 4000 nodes know a variance of 3 % squared to 2.2 %: 2e-5
     np.testing.assert_allclose(np.diag(found), spread**2, atol=3.9 * 2.2e-2 * (
         noise**2 + traced_noise**2 + spread**2))
@@ -178,12 +178,12 @@ def test_what_is_uncertain_of_the_light_on_a_node_adds_up_as_variances(monkeypat
     light = (1 + 0.01 * column)[:, None] * np.ones(GRID.nm.size)    # rises by 1 % a node
     bands, traced_noise, ambient = 3, 0.004, 0.003
     to_signals = np.ones((bands, GRID.nm.size, 61)) / (61 * GRID.nm.size)
-    for name, value in (("compare_reference_surfaces",
-                         ReferenceSurfaces(LightScale(1.0, 0.0, None, ""),
-                                           np.zeros((bands, bands)))),
-                        ("_calibration_under", None), ("crop_photo", None),
-                        ("scale_covariances", {"one": np.zeros((bands, bands))})):
-        monkeypatch.setattr(scene_light, name, lambda *_, value=value, **__: value)
+    for module, name, value in (
+            (references, "compare_reference_surfaces",
+             (LightScale(1.0, 0.0, None, ""), np.zeros((bands, bands)))),
+            (scene_light, "_calibration_under", None), (scene_light, "crop_photo", None),
+            (error_model, "scale_covariances", {"one": np.zeros((bands, bands))})):
+        monkeypatch.setattr(module, name, lambda *_, value=value, **__: value)
     crop = SimpleNamespace(rows=slice(0, 12), columns=slice(0, 16))
     scene = SimpleNamespace(
         crop=crop, to_signals=to_signals, calibration=None, prior=None,

@@ -221,16 +221,16 @@ def test_pixels_at_edges_and_in_penumbra_have_no_spectrum(finished, scene):
 
 def test_the_report_shows_the_picture_and_why_pixels_are_missing(finished):
     folder, made = finished
-    said = rewritten_outputs(read_session(folder), made, ["spectrabox"], "cpu")
-    facts = json.loads(json.dumps(said.facts))["picture"]
+    said, _, _ = rewritten_outputs(read_session(folder), made, ["spectrabox"], "cpu")
+    facts = json.loads(json.dumps(said))["picture"]
     assert facts["size_px"] == [SIZE[1], SIZE[0]]
     assert any("penumbra" in words for words in facts["masked_because"])
     assert all((folder / file).is_file() for file in facts["files"])
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert "Picture of spectra" in page and "has converged" in page and "penumbra" in page
     # patterns are no fault of the session: one sentence for all
-    assert said.facts["verdict"] == "warn"
-    assert [one["code"] for one in said.facts["findings"]].count("scene.patterns") == 1
+    assert said["verdict"] == "warn"
+    assert [one["code"] for one in said["findings"]].count("scene.patterns") == 1
 
 
 def test_the_demo_of_a_picture_is_a_session_that_is_ready_to_run(tmp_path):

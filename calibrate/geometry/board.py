@@ -31,15 +31,6 @@ class Board(shaped.Record):
     axes: Annotated[np.ndarray, "3 3"] | None = None    # rows: origin, to the right, down
 
 
-@dataclass(frozen=True, eq=False)
-class ScenePoints(shaped.Record):
-    """Points known in the scene and seen in a photo; (0, 0) is the centre of its first pixel."""
-
-    names: tuple[str, ...]
-    positions: Annotated[np.ndarray, "n 3"]         # the scene's unit
-    points_px: Annotated[np.ndarray, "n 2"]
-
-
 class BoardTable(checked_tables.Table):
     """A board file."""
 
@@ -138,13 +129,21 @@ def in_scene(board: Board, positions: np.ndarray, name: str) -> np.ndarray:
     return board.axes[0] + positions[:, :2] @ board.axes[1:]
 
 
-def read_points(path: Path) -> ScenePoints:
+def read_points(path: Path) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
     """Points from a TOML file: ``[points.NAME]`` with ``scene = [x, y, z]`` and ``px = [x, y]``
     each.
 
     Parameters
     ----------
     path : Path
+
+    Returns
+    -------
+    names : tuple of str
+    positions : (n, 3) array
+        In the scene, in its unit.
+    points_px : (n, 2) array
+        Where a photo shows them; (0, 0) is the centre of its first pixel.
 
     Raises
     ------
@@ -153,5 +152,5 @@ def read_points(path: Path) -> ScenePoints:
     """
     points = checked_tables.checked(PointsFile, checked_tables.read_toml(path, ADVICE),
                                     path.name).points
-    return ScenePoints(tuple(points), np.array([point.scene for point in points.values()]),
-                       np.array([point.px for point in points.values()]))
+    return (tuple(points), np.array([point.scene for point in points.values()]),
+            np.array([point.px for point in points.values()]))

@@ -32,17 +32,8 @@ from spectrabox.reconstruct.agreement import SCALE_ERROR, surface_covariance
 MIN_NODES = 8   # of a surface that is compared
 
 
-@dataclass(frozen=True)
-class ReferenceSurfaces:
-    """Light scale of the photo, and relative covariance (K, K) by which photo and light disagree.
-    """
-
-    scale: LightScale
-    covariance: np.ndarray
-
-
 def compare_reference_surfaces(scene: TracedPhoto, light: np.ndarray,
-                               even: np.ndarray) -> ReferenceSurfaces:
+                               even: np.ndarray) -> tuple[LightScale, np.ndarray]:
     """Compare the surfaces of known reflectance with the light on them.
 
     Parameters
@@ -52,6 +43,13 @@ def compare_reference_surfaces(scene: TracedPhoto, light: np.ndarray,
         At the nodes, for a light scale of 1.
     even : (N,) bool array
         Nodes where light does not change too quickly to be compared.
+
+    Returns
+    -------
+    scale : LightScale
+        Of the photo.
+    covariance : (K, K) array
+        Relative, by which photo and light disagree.
     """
     view, traced = scene.view, scene.traced
     measured, variance = scene.node_signals
@@ -74,7 +72,7 @@ def compare_reference_surfaces(scene: TracedPhoto, light: np.ndarray,
                      np.sqrt(np.maximum(logs.var(axis=0) - noise, 0.0))))
     scale, bands = scene.joint.views[0].light_scale, measured.shape[1]
     if not rows:
-        return ReferenceSurfaces(scale, scene.disagreement**2 * (np.eye(bands) + 1) / 2)
+        return scale, scene.disagreement**2 * (np.eye(bands) + 1) / 2
     names, materials, pixels, photo, model, spread = zip(*rows, strict=True)
     if view.light_scale is None:
         scale = scale_from_signals(np.array(photo), np.array(model), SCALE_ERROR, scale.source)
@@ -82,8 +80,7 @@ def compare_reference_surfaces(scene: TracedPhoto, light: np.ndarray,
                                  np.array(photo) / (scale.value * np.array(model)),
                                  np.array(spread))
     within = np.einsum("sk,sl->kl", agreement.spread, agreement.spread) / len(rows)
-    return ReferenceSurfaces(scale, surface_covariance(agreement, frozenset(materials),
-                                                       scene.disagreement) + within)
+    return scale, surface_covariance(agreement, frozenset(materials), scene.disagreement) + within
 
 
 # ---- photo white ---------------------------------------------------------------------------------

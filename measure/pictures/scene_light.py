@@ -162,15 +162,16 @@ def light_photo(scene: traced_photo.TracedPhoto,
     """
     view, nodes, crop = scene.view, scene.traced.nodes, scene.crop
     uneven = nodes.unevenness(light @ scene.to_signals.sum(axis=(0, 2)), MISPLACED_PX)
-    references = photo_white.compare_reference_surfaces(scene, light, uneven < PENUMBRA_ERROR)
-    lighting = illumination(light, references.scale.value * scene.to_signals)
+    scale, disagreement = photo_white.compare_reference_surfaces(scene, light,
+                                                                 uneven < PENUMBRA_ERROR)
+    lighting = illumination(light, scale.value * scene.to_signals)
     white = lighting.white
     grey = np.maximum(white.mean(axis=1), 1e-30)
     bands = white.shape[1]
     ambient = scene.ambient * np.percentile(grey, BRIGHTEST_PERCENTILE) / grey
     common = scene.traced.relative_variance + uneven**2 + ambient**2
-    scale = sum(error_model.scale_covariances(scene.calibration, references.scale).values())
-    log = scale + common[:, None, None] * np.ones((bands, bands))
+    of_scale = sum(error_model.scale_covariances(scene.calibration, scale).values())
+    log = of_scale + common[:, None, None] * np.ones((bands, bands))
     width = crop.columns.stop - crop.columns.start
 
     def between(first: int, last: int) -> csr_array:
@@ -182,7 +183,7 @@ def light_photo(scene: traced_photo.TracedPhoto,
     errors = pixel_errors.PixelErrors(
         between, pixel_errors.White(np.maximum(white, 1e-30), log, np.zeros_like(log)), lighting,
         np.zeros(bands), np.outer(scene.veil, scene.veil),
-        gloss.gloss_states(scene.surface, [""] * bands), references.covariance,
+        gloss.gloss_states(scene.surface, [""] * bands), disagreement,
         [(_calibration_under(scene, colour),) for colour in typical], np.zeros(bands, int),
         responses / responses.sum(axis=2, keepdims=True), scene.prior)
     flags = np.full(nodes.surface.shape, pixel_flags.SEEN, np.uint8)
@@ -191,7 +192,7 @@ def light_photo(scene: traced_photo.TracedPhoto,
     flags[(lighting.maps == 0).all(axis=1)[region]] = pixel_flags.DARK
     flags[scene.edges | (region < 0) | scene.traced.lamp[region]] = pixel_flags.EDGE
     return lit_photo.LitPhoto(crop_photo(view.photo, crop), errors, flags[crop.rows, crop.columns],
-                    highlights=True), references.scale
+                    highlights=True), scale
 
 
 def _calibration_under(scene: traced_photo.TracedPhoto, light: np.ndarray) -> Calibration:

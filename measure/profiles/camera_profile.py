@@ -58,10 +58,12 @@ class CameraMatrices:
     idt_light: str
     draws: int
 
-    def of_illuminant(self, name: str) -> IlluminantSpreads:
-        """What a DNG profile states of an illuminant."""
+    def of_illuminant(self, name: str) -> tuple[Spread, Spread, dict[str, Spread]]:
+        """What a DNG profile states of an illuminant: the colour matrix, the forward matrix, and
+        the mean CIEDE2000 of the second by set.
+        """
         fitted, drawn = self.fitted[name], self.drawn[name]
-        return IlluminantSpreads(
+        return (
             spread_over(fitted.colour, [each.colour for each in drawn]),
             spread_over(fitted.forward, [each.forward for each in drawn]),
             {of: spread_over(fitted.delta_e00[index], [each.delta_e00[index] for each in drawn])
@@ -72,15 +74,6 @@ class CameraMatrices:
         matrix, balance = (spread_over(self.aces[index], [each[index] for each in self.aces_drawn])
                            for index in (0, 1))
         return matrix, balance
-
-
-@dataclass(frozen=True)
-class IlluminantSpreads:
-    """Matrices under an illuminant, and the mean CIEDE2000 of the forward matrix by set."""
-
-    color_matrix: Spread
-    forward_matrix: Spread
-    delta_e00: dict[str, Spread]
 
 
 def spread_over(value: np.ndarray | float, drawn: Sequence[np.ndarray | float]) -> Spread:
@@ -134,7 +127,8 @@ class CameraProfile:
         matrix, balance = self.matrices.aces_spreads()
         return {
             "camera": self.camera, "draws": self.matrices.draws, "illuminants":
-            {name: self.matrices.of_illuminant(name)
+            {name: dict(zip(("color_matrix", "forward_matrix", "delta_e00"),
+                            self.matrices.of_illuminant(name), strict=True))
              for name in colour_profile.ILLUMINANTS}, "aces_idt": {
                  "light": self.matrices.idt_light, "draws": len(self.matrices.aces_drawn), "matrix":
                  matrix, "white_balance": balance
@@ -147,11 +141,11 @@ class CameraProfile:
                  else "; without --draws-file their spread is not known")
         lines = [f"{self.camera}: matrices for {' and '.join(colour_profile.ILLUMINANTS)}{known}"]
         for name in colour_profile.ILLUMINANTS:
-            one = self.matrices.of_illuminant(name)
-            lines += [f"ColorMatrix, {name}", *matrix_rows(one.color_matrix),
-                      f"ForwardMatrix, {name}", *matrix_rows(one.forward_matrix)]
+            colour, forward, differences = self.matrices.of_illuminant(name)
+            lines += [f"ColorMatrix, {name}", *matrix_rows(colour),
+                      f"ForwardMatrix, {name}", *matrix_rows(forward)]
             lines += [f"CIEDE2000 of the forward matrix under {name}, mean of {of}: {error.words}"
-                      for of, error in one.delta_e00.items()]
+                      for of, error in differences.items()]
         lines += [f"CIEDE2000 under {self.light} to D50", *self.colours.error_lines()]
         return "\n".join([*lines, f"ACES IDT, {self.matrices.idt_light}",
                           *matrix_rows(self.matrices.aces_spreads()[0])])

@@ -36,21 +36,10 @@ class ColourSpread:
     delta_e00_95: float | None
 
 
-@dataclass(frozen=True)
-class Relit:
-    """X, Y, Z (H, W, 3), Y being 1 for a perfect white as bright as ``WHITE_PERCENTILE``, and the
-    materials' colours.
-    """
-
-    xyz: np.ndarray
-    picture: np.ndarray  # (H, W, 3) uint8, sRGB, adapted from the light's white to D65
-    colours: tuple[ColourSpread, ...]
-
-
 def relight(scene: SceneFile, bsdfs: Mapping[str, str],
             spectra: Mapping[str, np.ndarray | SpectrumSamples], grid: WavelengthGrid,
             light: np.ndarray, observer: np.ndarray, *, size: tuple[int, int], spp: int,
-            seed: int) -> Relit:
+            seed: int) -> tuple[np.ndarray, np.ndarray, tuple[ColourSpread, ...]]:
     """Render a scene under a light with the means of the draws. The renderer has been started.
 
     Parameters
@@ -74,7 +63,12 @@ def relight(scene: SceneFile, bsdfs: Mapping[str, str],
 
     Returns
     -------
-    Relit
+    xyz : (H, W, 3) array
+        X, Y, Z, Y being 1 for a perfect white as bright as ``WHITE_PERCENTILE``.
+    picture : (H, W, 3) array
+        uint8, sRGB, adapted from the light's white to D65.
+    colours : tuple of ColourSpread
+        Of the materials.
     """
     means = {name: np.interp(grid.nm, known.grid.nm, known.spectra.mean(axis=0))
              if isinstance(known, SpectrumSamples) else known for name, known in spectra.items()}
@@ -88,7 +82,7 @@ def relight(scene: SceneFile, bsdfs: Mapping[str, str],
     colours = tuple(colour_spread(name, means[name],
                                   known if isinstance(known, SpectrumSamples) else None,
                                   grid, light, observer) for name, known in spectra.items())
-    return Relit(xyz, adapted_srgb(xyz, white), colours)
+    return xyz, adapted_srgb(xyz, white), colours
 
 
 def light_by_itself(calibration: Calibration, grid: WavelengthGrid) -> np.ndarray:

@@ -5,7 +5,7 @@ The posterior of a signal is solved once; draws, families and shares of variance
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -200,41 +200,9 @@ def _estimate_without_draws(capture: SignalCapture,
     return estimates
 
 
-@dataclass(frozen=True)
-class Comparison:
-    """An estimate beside other authors' spectra; fields are named as in ``--json``.
-
-    Attributes
-    ----------
-    baselines : dict of (61,) arrays, optional
-        Other authors' single spectra; None of one who finds none.
-    judged : dict of SpectrumScores, optional
-        The estimate and the others' spectra by method, where the truth is known.
-    """
-
-    baselines: dict[str, np.ndarray | None] | None
-    judged: dict[str, metrics.SpectrumScores] | None
-
-    def facts(self) -> dict[str, object]:
-        """For JSON; none of what does not apply."""
-        return {name: value for name, value in vars(self).items() if value is not None}
-
-    def text(self, estimate: Estimate) -> str:
-        """For a person, beside the estimate that was compared."""
-        if self.judged is not None:
-            return metrics.judgement_text([metrics.ScoredSpectrum("signal", method, scores)
-                                   for method, scores in self.judged.items()])
-        shown = np.flatnonzero(estimate.nm % BASELINE_NM == 0)
-        lines = [f"{'nm':<22}" + "".join(f"{nm:7.0f}" for nm in estimate.nm[shown])]
-        for name, values in {estimate.method: estimate.mean, **(self.baselines or {})}.items():
-            cells = " found no spectrum" if values is None \
-                else "".join(f"{value:7.3f}" for value in values[shown])
-            lines.append(f"{name[:22]:<22}{cells}")
-        return "\n".join(lines)
-
-
 def compared(estimate: Estimate, options: SampleOptions, truth: np.ndarray | None,
-             lights: tuple[str, ...], with_baselines: bool) -> Comparison:
+             lights: tuple[str, ...],
+             with_baselines: bool) -> tuple[dict[str, object], str]:
     """The estimate beside other authors' spectra, and all of them judged where the truth is known.
 
     Parameters
@@ -249,19 +217,38 @@ def compared(estimate: Estimate, options: SampleOptions, truth: np.ndarray | Non
         Of the colour differences.
     with_baselines : bool
         The greedy sampler has no draws for some signals that can be reached.
+
+    Returns
+    -------
+    facts : dict
+        For JSON: ``baselines``, the others' single spectra (61,), None of one who finds none;
+        ``judged``, scores by method. Neither where it does not apply.
+    text : str
+        For a person.
     """
     assert estimate.measurement is not None and estimate.samples is not None
     others = metrics.baselines(estimate.measurement, options.samples, options.seed,
                                options.coefficients) \
         if with_baselines else {}
-    scores = None
+    facts: dict[str, object] = {}
+    singles = {name: None if other is None else other[0] for name, other in others.items()}
+    if with_baselines:
+        facts["baselines"] = singles
     if truth is not None:
         spectra = estimate.samples.spectra
         ours = {options.method: (spectra.mean(axis=0), spectra)}
         scores = {name: metrics.judged(PRIOR_GRID.nm, truth, other[0], lights, other[1])
                   for name, other in (ours | others).items() if other is not None}
-    singles = {name: None if other is None else other[0] for name, other in others.items()}
-    return Comparison(singles if with_baselines else None, scores)
+        facts["judged"] = scores
+        return facts, metrics.judgement_text([metrics.ScoredSpectrum("signal", method, score)
+                                              for method, score in scores.items()])
+    shown = np.flatnonzero(estimate.nm % BASELINE_NM == 0)
+    lines = [f"{'nm':<22}" + "".join(f"{nm:7.0f}" for nm in estimate.nm[shown])]
+    for name, values in {estimate.method: estimate.mean, **singles}.items():
+        cells = " found no spectrum" if values is None \
+            else "".join(f"{value:7.3f}" for value in values[shown])
+        lines.append(f"{name[:22]:<22}{cells}")
+    return facts, "\n".join(lines)
 
 
 def measurement_of_signal(relative_response: np.ndarray, signal: np.ndarray,

@@ -116,8 +116,7 @@ def _run(task: Task) -> overview.Outcome:
                                        progress=quiet, shared=order.out / SHARED)
         # as 'run' has it: the command that makes these results again
         words = ["spectrabox", "run", task.folder.name, "--device", order.device]
-        outputs = outputs_of_run(config, finished, words, order.device, quiet)
-        facts = outputs.facts
+        facts, _, failed = outputs_of_run(config, finished, words, order.device, quiet)
         files = overview.input_states(config)
         photo = metadata.photo_metadata(config.path(config.all_views[0].photo_files[0]))
         preview = config.results_folder / "photo" / "preview.png"
@@ -130,7 +129,7 @@ def _run(task: Task) -> overview.Outcome:
                    needed_bytes=task.needed_bytes, files=files, camera=photo.camera,
                    taken_at=photo.taken_at, thumbnail=thumbnail,
                    failed_extras=tuple(texts.sentence(one) for one in extras.different(
-                       (*outputs.failed, *(() if fault is None else (fault,))))))
+                       (*failed, *(() if fault is None else (fault,))))))
 
 
 def needed_bytes(config: SessionConfig) -> int:

@@ -53,24 +53,23 @@ def relight(
     config, finished, stale = finished_session(folder, allow_outside)
     scene = scene_of(stated_scene(config, config.inputs))
     size = (width, max(round(width * scene.height / scene.width), 1))
-    relit, notes = render_under(finished, light=light,
-                                observer=observer or OBSERVER, size=size, spp=spp,
-                                device=device)
+    xyz, picture, colours, notes = render_under(
+        finished, light=light, observer=observer or OBSERVER, size=size, spp=spp, device=device)
     label = re.sub(r"[^\w.-]", "-", Path(light or "session").stem)
     png = out or folder / f"relit {label}.png"
     with outputs_writer(config.folder):     # two pictures that belong together
         require_results(finished, "spectrabox relight")
-        write_png(png, relit.picture)
-        write_exr(png.with_suffix(".exr"), relit.xyz, ("X", "Y", "Z"))
+        write_png(png, picture)
+        write_exr(png.with_suffix(".exr"), xyz, ("X", "Y", "Z"))
     lines = [f"{colour.name:<16} L* {colour.lab[0]:5.1f}  a* {colour.lab[1]:6.1f}  b* "
              f"{colour.lab[2]:6.1f}"
              + ("   given" if colour.delta_e00_95 is None else
                 f"   draws within dE00 {colour.delta_e00_median:.2f} (half), "
                 f"{colour.delta_e00_95:.2f} (95 %)")
-             for colour in relit.colours]
+             for colour in colours]
     return command_line.Answer({"png": str(png), "exr": str(png.with_suffix(".exr")),
                    "light": light or "session",
-                   "colours": [vars(colour) for colour in relit.colours],
+                   "colours": [vars(colour) for colour in colours],
                    "notes": list(notes), "stale": stale},
                   "\n".join([*lines, *notes, f"picture: {png}"]))
 

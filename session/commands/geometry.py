@@ -285,8 +285,7 @@ def _known_points(image: LinearImage, points_file: Path | None,
     if (points_file is None) == (board_file is None):
         raise typer.BadParameter("give either --points or --board", param_hint="--points / --board")
     if points_file is not None:
-        known = read_points(points_file)
-        return known.names, known.positions, known.points_px
+        return read_points(points_file)
     assert board_file is not None
     printed = read_board(board_file)
     positions, points = find_board(printed, _grey(image))

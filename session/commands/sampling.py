@@ -126,9 +126,10 @@ def sample(
         # of thousands of signals a text takes a while
         texts.append("" if as_json else estimate.text())
         if baseline or true is not None:
-            comparison = compared(estimate, options, true, DELTA_LIGHTS, baseline)
-            facts[-1] |= comparison.facts()
-            texts[-1] += f"\n\n{comparison.text(estimate)}"
+            compared_facts, compared_text = compared(estimate, options, true, DELTA_LIGHTS,
+                                                     baseline)
+            facts[-1] |= compared_facts
+            texts[-1] += f"\n\n{compared_text}"
     written: dict[str, Path] = {}
     if out is not None:
         written["file"] = out

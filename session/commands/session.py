@@ -217,13 +217,14 @@ def report(folder: command_line.Folder,
     from spectrabox.measure import texts
     from spectrabox.session.outputs.run_outputs import rewritten_outputs
     config, finished, stale = finished_session(folder, allow_outside)
-    outputs = rewritten_outputs(config, finished, ["spectrabox", "report"], "stored results")
-    report = outputs.facts["report"]
+    facts, _, failed = rewritten_outputs(config, finished, ["spectrabox", "report"],
+                                         "stored results")
+    report = facts["report"]
     return command_line.Answer({"report": report, "stale": stale,
-                   "failed_extras": outputs.facts["failed_extras"]},
+                   "failed_extras": facts["failed_extras"]},
                   "\n".join([f"wrote {report}",
-                             *(f"note: {texts.says(one)}" for one in outputs.failed)]),
-                  failed=outputs.failed)
+                             *(f"note: {texts.says(one)}" for one in failed)]),
+                  failed=failed)
 
 
 @command_line.Command
@@ -295,8 +296,8 @@ def run_session(folder: Path, allow_outside: bool = False, *, only: str | None =
                              for stage, taken in seconds.items()),
                            "run without --only and --until for the report"]))
         finished = load_finished(config) if only is not None else finished
-        outputs = outputs_of_run(config, finished, words, device, progress)
-    return command_line.Answer(outputs.facts, outputs.text, failed=outputs.failed)
+        facts, text, failed = outputs_of_run(config, finished, words, device, progress)
+    return command_line.Answer(facts, text, failed=failed)
 
 
 def _finished_run(config: SessionConfig, wanted: Sequence[str | None], before: str | None,

@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -45,14 +44,9 @@ def show(
     """Show what a spectral file holds: format, range, quantity, unit, and what to beware of."""
     from spectrabox.radiometry.spectra.spectrum_files import read_table
     tables = [read_table(path) for path in files]
-    shown = [_shown(table, column) for table in tables]
+    facts = [_facts(table, column) for table in tables]
     text = "\n\n".join(_text(table, each, column, draw)
-                       for table, (each, _) in zip(tables, shown, strict=True))
-    facts = [
-        command_line.to_json(each) |
-        ({} if main is None else {"values": main.values, "column": main.name})
-        for each, main in shown
-    ]
+                       for table, each in zip(tables, facts, strict=True))
     return command_line.Answer(facts[0] if len(facts) == 1 else {"files": facts}, text)
 
 
@@ -78,65 +72,38 @@ def convert(
     suffix = to if len(files) > 1 else out.suffix.lower()
     command_line.check_ending(Path(f"spectra{suffix}") if len(files) > 1 else out, WRITTEN,
                  "--to" if len(files) > 1 else "--out")
-    written = []
+    facts, lines = [], []
     for path in files:
         target = out / f"{path.stem}{suffix}" if len(files) > 1 else out
-        written.append(WrittenFile(target, _convert(path, target, column, quantity, grid)))
-    return command_line.Answer({"written": written}, "\n".join(
-             f"wrote {each.file}" + "".join(f"\n- {note}" for note in each.notes)
-             for each in written))
+        notes = _convert(path, target, column, quantity, grid)
+        facts.append({"file": target, "notes": notes})
+        lines += [f"wrote {target}", *(f"- {note}" for note in notes)]
+    return command_line.Answer({"written": facts}, "\n".join(lines))
 
 
-@dataclass(frozen=True)
-class WrittenFile:
-    """What ``spectrum convert`` answers of a file."""
-
-    file: Path
-    notes: list[str]
-
-
-@dataclass(frozen=True)
-class ShownColumn:
-    """A column of a file, as far as it states what it is; None where a value is no number."""
-
-    name: str
-    values: list[float | None]
-    quantity: str | None
-    unit: str | None
-
-
-@dataclass(frozen=True)
-class ShownTable:
-    """What ``spectrum show`` answers of a file."""
-
-    file: str
-    format: str | None
-    wavelengths_nm: np.ndarray
-    quantity: str | None            # of the column that is meant where none is named
-    unit: str | None
-    source: str
-    notes: tuple[str, ...]
-    facts: dict[str, str]           # whatever else the file states
-    spectra: tuple[ShownColumn, ...]
-
-
-def _shown(table: SpectralTable, column: str | None) -> tuple[ShownTable, ShownColumn | None]:
-    """A file, and the one of its columns that is named or meant, if there is one."""
+def _facts(table: SpectralTable, column: str | None) -> dict[str, Any]:
+    """What a file holds, for JSON: ``quantity`` and ``unit`` are of the column that is named or
+    meant; where there is one, its name is ``column`` and ``values`` are its values. ``facts`` is
+    whatever else the file states.
+    """
     from spectrabox.radiometry.records.spectra import Quantity
     indices = _indices(table, column)
-    columns = {index: ShownColumn(table.names[index], _plain(table.values[index]),
-                                  table.fact("quantity", index), table.fact("unit", index))
-               for index in indices}
     main = indices[0] if len(indices) == 1 or table.main is None else table.names.index(table.main)
     units = {member.name.lower(): member.value for member in Quantity}
     stated = table.fact("quantity", main)
-    shown = ShownTable(
-        table.file, table.facts.get("format"), table.nm, stated,
-        table.fact("unit", main) or (units.get(stated) if stated else None),
-        table.facts.get("source", table.file), table.notes,
-        {key: value for key, value in table.facts.items()
-         if key not in ("quantity", "unit", "source", "format")}, tuple(columns.values()))
-    return shown, columns[main] if len(indices) == 1 or table.main is not None else None
+    facts: dict[str, Any] = {
+        "file": table.file, "format": table.facts.get("format"), "wavelengths_nm": table.nm,
+        "quantity": stated,
+        "unit": table.fact("unit", main) or (units.get(stated) if stated else None),
+        "source": table.facts.get("source", table.file), "notes": table.notes,
+        "facts": {key: value for key, value in table.facts.items()
+                  if key not in ("quantity", "unit", "source", "format")},
+        "spectra": [{"name": table.names[index], "values": _plain(table.values[index]),
+                     "quantity": table.fact("quantity", index), "unit": table.fact("unit", index)}
+                    for index in indices]}
+    if len(indices) == 1 or table.main is not None:
+        facts |= {"values": _plain(table.values[main]), "column": table.names[main]}
+    return facts
 
 
 def _plain(values: np.ndarray) -> list[float | None]:
@@ -155,24 +122,24 @@ def _name_or_number(column: str) -> str | int:
     return int(column) if is_whole_number(column) else column
 
 
-def _text(table: SpectralTable, shown: ShownTable, column: str | None, plot: bool) -> str:
-    quantity = f"{shown.quantity or 'quantity not stated'}, {shown.unit or 'unit not stated'}"
-    lines = [f"{table.file}: {shown.format}, {table.nm[0]:g}-{table.nm[-1]:g} nm, "
+def _text(table: SpectralTable, facts: dict[str, Any], column: str | None, plot: bool) -> str:
+    quantity, unit = facts["quantity"] or "quantity not stated", facts["unit"] or "unit not stated"
+    lines = [f"{table.file}: {facts['format']}, {table.nm[0]:g}-{table.nm[-1]:g} nm, "
              f"{table.nm.size} wavelengths, {len(table.names)} "
              f"{'column' if len(table.names) == 1 else 'columns'}",
-             f"source: {shown.source}", f"quantity: {quantity}"]
-    for each in shown.spectra[:MAX_LISTED]:
-        numbers = [value for value in each.values if value is not None]
+             f"source: {facts['source']}", f"quantity: {quantity}, {unit}"]
+    for each in facts["spectra"][:MAX_LISTED]:
+        numbers = [value for value in each["values"] if value is not None]
         span = f"{min(numbers):.4g} to {max(numbers):.4g}" if numbers else "no numbers"
-        stated = each.quantity or "quantity not stated"
-        lines.append(f"  {each.name or '(no name)':<28} {span:<24} {stated}")
-    if len(shown.spectra) > MAX_LISTED:
-        lines.append(f"  and {len(shown.spectra) - MAX_LISTED} more")
+        stated = each["quantity"] or "quantity not stated"
+        lines.append(f"  {each['name'] or '(no name)':<28} {span:<24} {stated}")
+    if len(facts["spectra"]) > MAX_LISTED:
+        lines.append(f"  and {len(facts['spectra']) - MAX_LISTED} more")
     lines += [f"- {note}" for note in table.notes]
     if plot:
         from spectrabox.capture.meter.measurement_files import text_plot
         from spectrabox.radiometry.records.spectra import Quantity
-        stated = (shown.quantity or "relative").upper()
+        stated = (facts["quantity"] or "relative").upper()
         role = Quantity[stated] if stated in Quantity.__members__ else Quantity.RELATIVE
         lines.append(text_plot(_one(table, column, role)))
     return "\n".join(lines)

@@ -1,13 +1,11 @@
 """Report, spectra and pictures of a finished run, written again only where something has changed.
 
-Report, spectra and pictures of a finished run, written again only where something has changed.
-
 Their inputs and the digest of every file are stored with the stages' results. The files are kept
 while the inputs are unchanged and no file has been edited.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -86,17 +84,11 @@ def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: li
 STAGE = "report"
 
 
-@dataclass(frozen=True)
-class RunOutputs:
-    """Answers of a run."""
-
-    facts: dict[str, Any]       # for scripts
-    text: str                   # for a person
-    failed: tuple[findings.Finding,
-                  ...] = ()  # what could not be made beside the answer; both name it
+# Facts for scripts, text for a person, and what could not be made beside them, which both name.
+Outputs = tuple[dict[str, Any], str, tuple[findings.Finding, ...]]
 
 
-def kept_outputs(config: SessionConfig, finished: FinishedRun) -> RunOutputs | None:
+def kept_outputs(config: SessionConfig, finished: FinishedRun) -> Outputs | None:
     """Answers of the files beside the results; None unless all of them are those of this run, and
     no extra failed in it, which is tried again.
     """
@@ -111,12 +103,12 @@ def kept_outputs(config: SessionConfig, finished: FinishedRun) -> RunOutputs | N
               for name, stage in finished.stored.items()]
     report = {name: str(config.folder / stored.facts["facts"][name])
               for name in ("report", "spectra")}
-    return RunOutputs({**stored.facts["facts"], **report, "stages": stages},
-                      f"{stored.facts['text']}\nreport: {report['report']}")
+    return ({**stored.facts["facts"], **report, "stages": stages},
+            f"{stored.facts['text']}\nreport: {report['report']}", ())
 
 
 def outputs_of_run(config: SessionConfig, finished: FinishedRun, command_line: list[str],
-                   device: str, progress: StageProgress) -> RunOutputs:
+                   device: str, progress: StageProgress) -> Outputs:
     """Answers of a run that has just ended; its files are written where they are not up to date.
 
     Parameters
@@ -130,12 +122,12 @@ def outputs_of_run(config: SessionConfig, finished: FinishedRun, command_line: l
         return outputs
     progress("report", 0.0, "")
     outputs = rewritten_outputs(config, finished, command_line, device)
-    progress("report", 1.0, outputs.facts["report"])
+    progress("report", 1.0, outputs[0]["report"])
     return outputs
 
 
 def rewritten_outputs(config: SessionConfig, finished: FinishedRun, command_line: list[str],
-                      device: str) -> RunOutputs:
+                      device: str) -> Outputs:
     """Write report, spectra, materials and pictures into the session folder.
 
     Parameters
@@ -157,7 +149,7 @@ def rewritten_outputs(config: SessionConfig, finished: FinishedRun, command_line
         with record_files.stage_folder(config.results_folder, STAGE) as folder:
             record_files.save_stage(folder, key, {}, 0.0,
                        {"outputs": written, "facts": {**facts, **names}, "text": text})
-    return RunOutputs(facts, f"{text}\nreport: {facts['report']}", failed)
+    return facts, f"{text}\nreport: {facts['report']}", failed
 
 
 def _kept_advice(config: SessionConfig, key: dict[str, Any]) -> dict[str, Any] | None:
