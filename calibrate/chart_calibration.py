@@ -9,21 +9,25 @@ import numpy as np
 
 from spectrabox.calibrate import (
     chart_copy,
-    chart_equations,
     chart_findings,
     chart_photo,
     doubts,
-    held_out_patches,
     joint_estimate,
-    light_error,
     sensitivity,
-    spline_fit,
     trust,
 )
+from spectrabox.calibrate.chart_equations import ChartEquations
 from spectrabox.calibrate.colour_drift import colour_drift
-from spectrabox.calibrate.prior import camera_prior, curve_posterior
-from spectrabox.radiometry import chart_causes, errors, interreflection, light_scale, shaped
+from spectrabox.calibrate.held_out_patches import PatchesWithout, in_chart_order
+from spectrabox.calibrate.light_error import LightDeparture, light_departures
+from spectrabox.calibrate.prior.camera_prior import SMOOTH_SOURCE, CameraPrior
+from spectrabox.calibrate.prior.curve_posterior import relit
+from spectrabox.calibrate.spline_fit import SPLINE_COEFFICIENTS
+from spectrabox.radiometry import chart_causes
+from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding, Severity, worst
+from spectrabox.radiometry.interreflection import response_matrix
+from spectrabox.radiometry.light_scale import scale_from_signals
 from spectrabox.radiometry.records import spectra
 from spectrabox.radiometry.records.calibration import (
     Calibration,
@@ -35,6 +39,7 @@ from spectrabox.radiometry.records.calibration import (
     PriorInfluence,
     SensitivityFit,
 )
+from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 
 MIN_BANDS = 3
@@ -45,13 +50,13 @@ class CalibrationOptions:
     """What an operator may choose of a calibration."""
 
     method: str = "prior"                       # or one of spline_fit.SPLINE_METHODS
-    prior: camera_prior.CameraPrior | None = None            # None: shipped, or smoothness for other bands
-    coefficients: int = spline_fit.SPLINE_COEFFICIENTS     # of each band, for "paper" and "nonnegative"
+    prior: CameraPrior | None = None            # None: shipped, or smoothness for other bands
+    coefficients: int = SPLINE_COEFFICIENTS     # of each band, for "paper" and "nonnegative"
     curves: np.ndarray | None = None            # (K, P) measured; fits none, whatever the method
 
 
 @dataclass(frozen=True, eq=False)
-class ChartCalibration(shaped.Record):
+class ChartCalibration(Record):
     """A calibration with everything that led to it."""
 
     calibration: Calibration
@@ -61,12 +66,12 @@ class ChartCalibration(shaped.Record):
     delta_e: Annotated[np.ndarray, "I"]             # CIEDE2000 of each patch, fitted
     held_out_delta_e: Annotated[np.ndarray, "I"]    # the same, the patch left out of the fit
     prior_fit: sensitivity.PriorFit | None                      # of the method "prior"
-    without: held_out_patches.PatchesWithout                         # the first photo's patches, each left out
+    without: PatchesWithout                         # the first photo's patches, each left out
     excluded: Annotated[np.ndarray, "I"]            # bool: excluded from every fit
     saturated: Annotated[np.ndarray, "I"]           # bool: of the excluded, in every band
-    cleaned: held_out_patches.PatchesWithout                         # as ``without``, suspects out of every fit
+    cleaned: PatchesWithout                         # as ``without``, suspects out of every fit
     reflectances: Annotated[np.ndarray, "I P"]      # that were taken for the first photo's chart
-    departures: tuple[light_error.LightDeparture, ...] = ()     # of the lights that may depart from the stated
+    departures: tuple[LightDeparture, ...] = ()     # of the lights that may depart from the stated
     light_evidence: tuple[doubts.LightEvidence,
                           ...] = ()  # on each light of which something was stated
     copy: ChartCopy | None = None                   # None: the reflectances were stated
@@ -208,15 +213,15 @@ class _Fitted(NamedTuple):
     scale: LightScale
     predicted: np.ndarray       # (I, K)
     held_out: np.ndarray        # (I, K) residuals, relative; each patch left out where one was
-    without: held_out_patches.PatchesWithout
-    cleaned: held_out_patches.PatchesWithout     # by fits without patches that others contradict
+    without: PatchesWithout
+    cleaned: PatchesWithout     # by fits without patches that others contradict
     of_fit: tuple[Finding, ...]
     prior_fit: sensitivity.PriorFit | None = None
     light: LightPosterior | None = None
     of_light: tuple[Finding, ...] = ()
-    departures: tuple[light_error.LightDeparture, ...] = ()
+    departures: tuple[LightDeparture, ...] = ()
     evidence: tuple[doubts.LightEvidence, ...] = ()
-    used: tuple[chart_equations.ChartEquations, ...] = ()
+    used: tuple[ChartEquations, ...] = ()
 
 
 def _patch_signals(fitted: _Fitted, number: int) -> chart_causes.PatchSignals | None:
@@ -230,26 +235,26 @@ def _require_usable(photos: Sequence[chart_photo.ChartPhoto], chosen: Calibratio
     """Refuse photos that the method cannot take."""
     first, bands = photos[0], photos[0].samples.mean.shape[1]
     if first.filter is not None:
-        raise errors.InputError("the first photo under a light must be without a filter; photos through "
+        raise InputError("the first photo under a light must be without a filter; photos through "
                          "filters come after it")
     if bands < MIN_BANDS:
-        raise errors.InputError(f"the photo has {bands} band{'s' * (bands > 1)}; {MIN_BANDS} or more "
+        raise InputError(f"the photo has {bands} band{'s' * (bands > 1)}; {MIN_BANDS} or more "
                          "are needed: stack photos that were taken through different filters into "
                          "one of several bands")
     method = chosen.method if chosen.curves is None else "file"
     if isinstance(first.light, spectra.UnknownLight):
         if method != "prior":
-            raise errors.InputError(f"method {method} needs the spectrum of the light, and the photo has "
+            raise InputError(f"method {method} needs the spectrum of the light, and the photo has "
                              f"an {first.light.words}; use method prior, or measure the light")
         if any(not isinstance(photo.light, spectra.UnknownLight) for photo in photos[1:]):
-            raise errors.InputError("several chart photos of which one has an unknown light must all be "
+            raise InputError("several chart photos of which one has an unknown light must all be "
                              "under that light: fit those under other lights by themselves, or "
                              "measure it")
     if len(photos) > 1 and method != "prior":
-        raise errors.InputError(f"method {method} takes one photo; {len(photos)} photos need method prior")
+        raise InputError(f"method {method} takes one photo; {len(photos)} photos need method prior")
 
 
-def _clipped(without: held_out_patches.PatchesWithout, photo: chart_photo.ChartPhoto) -> list[Finding]:
+def _clipped(without: PatchesWithout, photo: chart_photo.ChartPhoto) -> list[Finding]:
     """What it costs that clipped bands of patches could not be used."""
     samples, known = photo.samples, without.known_within(photo.reflectances)
     bands = np.array(photo.band_names)
@@ -261,7 +266,7 @@ def _clipped(without: held_out_patches.PatchesWithout, photo: chart_photo.ChartP
 
 
 def _with_prior(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.WavelengthGrid,
-                prior: camera_prior.CameraPrior | None) -> _Fitted:
+                prior: CameraPrior | None) -> _Fitted:
     """By the joint estimate from all photos; of an unknown light, products with it."""
     first = photos[0]
     used, excluded = chart_photo.used_and_excluded(photos, grid)
@@ -272,9 +277,9 @@ def _with_prior(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Waveleng
     of_fit = [*trust.fit_findings(fit, grid)]
     evidence = evidence_on_lights(photos, used, cameras, grid)
     of_light = [one.finding for one in evidence]
-    departures: tuple[light_error.LightDeparture, ...] = ()
+    departures: tuple[LightDeparture, ...] = ()
     if isinstance(first.light, spectra.Spectrum):
-        departures = light_error.light_departures(
+        departures = light_departures(
             fit.posterior, [photo.light_on(grid) for photo in photos], grid)
         of_light += [departure.finding for departure in departures]
         of_fit.append(doubts.unlike_cameras(fit))
@@ -284,15 +289,15 @@ def _with_prior(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Waveleng
     else:
         of_light.append(Finding("light.lines-smoothed", Severity.NOTE,
                                 values={"bands": cameras.bands}))
-    if cameras.source == camera_prior.SMOOTH_SOURCE and fit.model_error > chart_photo.WORST_MODEL_ERROR:
+    if cameras.source == SMOOTH_SOURCE and fit.model_error > chart_photo.WORST_MODEL_ERROR:
         of_fit.append(doubts.disagreeing_bands(used[0].signal, fit.held_out[0], first.band_names))
-    shown = curve_posterior.relit(fit.posterior, used)
+    shown = relit(fit.posterior, used)
     for number in range(len(used)):
         drift = colour_drift(fit.posterior, shown, number)
         if drift is not None:
             of_fit.append(doubts.drifting_light(drift, number + 1 if len(used) > 1 else None))
 
-    without = held_out_patches.in_chart_order(fit.without, first.used)
+    without = in_chart_order(fit.without, first.used)
     signals_without = without.predicted(first.reflectances)
     predicted = signals_without.copy()      # excluded patches: what the fit without them predicts
     predicted[first.used] = fit.photos[0].predicted
@@ -305,8 +310,8 @@ def _with_prior(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Waveleng
                    tuple(used))
 
 
-def evidence_on_lights(photos: Sequence[chart_photo.ChartPhoto], used: list[chart_equations.ChartEquations],
-                       cameras: camera_prior.CameraPrior,
+def evidence_on_lights(photos: Sequence[chart_photo.ChartPhoto], used: list[ChartEquations],
+                       cameras: CameraPrior,
                        grid: spectra.WavelengthGrid) -> tuple[doubts.LightEvidence, ...]:
     """What photos say for and against each light of which something was stated.
 
@@ -324,7 +329,7 @@ def evidence_on_lights(photos: Sequence[chart_photo.ChartPhoto], used: list[char
         Working grid, every nm from 400 to 700 nm.
     """
     light = photos[0].light
-    if cameras.source == camera_prior.SMOOTH_SOURCE or (isinstance(light, spectra.UnknownLight)
+    if cameras.source == SMOOTH_SOURCE or (isinstance(light, spectra.UnknownLight)
                                            and not light.stated):
         return ()
     if isinstance(light, spectra.UnknownLight):
@@ -342,7 +347,7 @@ def _from_measured(photo: chart_photo.ChartPhoto, power: np.ndarray, grid: spect
     patches, bands = samples.mean.shape
 
     def scale_by(chosen: np.ndarray) -> LightScale:
-        return light_scale.scale_from_signals(
+        return scale_from_signals(
             samples.mean[chosen], unscaled[chosen],
             chart_copy.COPY_ERROR if photo.editions else sensitivity.CHART_ERROR, "chart photo",
             ~samples.clipped[chosen])
@@ -356,7 +361,7 @@ def _from_measured(photo: chart_photo.ChartPhoto, power: np.ndarray, grid: spect
     covariance = np.zeros((patches, bands * bands + bands, bands * bands + bands))
     covariance[:, bands * bands:, bands * bands:] = (
         relative * samples.mean[:, :, None] * samples.mean[:, None, :])
-    without = held_out_patches.PatchesWithout(curves.T, power * grid.weights_nm, factor * np.eye(bands),
+    without = PatchesWithout(curves.T, power * grid.weights_nm, factor * np.eye(bands),
                              np.zeros((patches, bands)), covariance, samples.mean,
                              samples.covariance_of_mean, samples.clipped)
     (equations,), _ = chart_photo.used_and_excluded([photo], grid)
@@ -380,7 +385,7 @@ def _by_splines(photo: chart_photo.ChartPhoto, power: np.ndarray, grid: spectra.
 
 def _chart_signals(photo: chart_photo.ChartPhoto, grid: spectra.WavelengthGrid, curves: np.ndarray,
                    power: np.ndarray) -> np.ndarray:
-    return (photo.reflectances @ interreflection.response_matrix(grid, curves, power).T
+    return (photo.reflectances @ response_matrix(grid, curves, power).T
             * (photo.irradiance_or_pi / np.pi)[:, None])
 
 

@@ -28,14 +28,22 @@ from typing import Annotated
 
 import numpy as np
 
-from spectrabox.calibrate import chart_equations, chart_photo, colour_drift, sensitivity
-from spectrabox.calibrate.prior import camera_prior, learnt_prior
+from spectrabox.calibrate.chart_equations import COLOURS, ChartEquations
+from spectrabox.calibrate.chart_photo import disagreement_of_bands
+from spectrabox.calibrate.colour_drift import ColourDrift
+from spectrabox.calibrate.prior.camera_prior import CameraPrior
+from spectrabox.calibrate.prior.learnt_prior import UNLIKE
 from spectrabox.calibrate.products import product_fit, product_posterior
 from spectrabox.calibrate.products.lamps import Lamps, all_lamps, likeness, product_prior
-from spectrabox.radiometry import appearance, chart, chart_causes, shaped
+from spectrabox.calibrate.sensitivity import PriorFit
+from spectrabox.radiometry import chart_causes
+from spectrabox.radiometry.appearance import tristimulus
+from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.spectra import UnknownLight, WavelengthGrid
-from spectrabox.radiometry.spectra import light_words, named_spectra
+from spectrabox.radiometry.shaped import Record
+from spectrabox.radiometry.spectra.light_words import LIGHT_KINDS
+from spectrabox.radiometry.spectra.named_spectra import light
 
 SURELY = 0.9                 # probability of an unlike camera above which something may be wrong
 # nats for another lamp, of photos of lamps of the prior by cameras of makers outside it: exceeded
@@ -58,21 +66,21 @@ FREEDOM = 8                  # nine entries less a common scale
 DOUBTFUL = 4.5               # mean square in spreads; 1 in 20 cameras with the right light
 
 
-def unlike_cameras(fit: sensitivity.PriorFit) -> Finding:
+def unlike_cameras(fit: PriorFit) -> Finding:
     """Whether the photos are explained by a camera unlike those measured alone.
 
     Parameters
     ----------
     fit : PriorFit
     """
-    share = float(dict(fit.families).get(learnt_prior.UNLIKE, 0.0))
+    share = float(dict(fit.families).get(UNLIKE, 0.0))
     if share > SURELY and len(fit.families) > 1:
         return Finding("calibration.unlike-cameras", Severity.WARN, values={"probability": share})
     return Finding("calibration.like-cameras", Severity.INFO, values={"probability": share})
 
 
 @dataclass(frozen=True, eq=False)
-class LightEvidence(shaped.Record):
+class LightEvidence(Record):
     """What chart photos say for and against the light that was stated of them."""
 
     stated: str
@@ -101,7 +109,7 @@ class LightEvidence(shaped.Record):
             "kinds": dict(zip(self.kinds, self.probabilities.tolist(), strict=True))})
 
 
-def evidence_on_spectrum(stated: str, photo: chart_equations.ChartEquations, cameras: camera_prior.CameraPrior,
+def evidence_on_spectrum(stated: str, photo: ChartEquations, cameras: CameraPrior,
                          grid: WavelengthGrid) -> LightEvidence:
     """The evidence of a chart photo on the spectrum that was stated of its light.
 
@@ -122,12 +130,12 @@ def evidence_on_spectrum(stated: str, photo: chart_equations.ChartEquations, cam
         unlit, product_prior(cameras, all_lamps(), product_fit.SEED))
     of_stated = product_posterior.evidence_of_products(
         unlit, product_prior(cameras, alone, product_fit.SEED))
-    return LightEvidence(stated, of_any.log_evidence - of_stated, CONTRADICTS, light_words.LIGHT_KINDS,
+    return LightEvidence(stated, of_any.log_evidence - of_stated, CONTRADICTS, LIGHT_KINDS,
                          product_fit.kind_probabilities(of_any))
 
 
-def evidence_on_kind(light: UnknownLight, photos: list[chart_equations.ChartEquations],
-                     cameras: camera_prior.CameraPrior) -> LightEvidence:
+def evidence_on_kind(light: UnknownLight, photos: list[ChartEquations],
+                     cameras: CameraPrior) -> LightEvidence:
     """The evidence of chart photos on the kind or the temperature that was stated of their light.
 
     Parameters
@@ -140,7 +148,7 @@ def evidence_on_kind(light: UnknownLight, photos: list[chart_equations.ChartEqua
     posterior = product_posterior.posterior_of_products(
         photos, product_prior(cameras, all_lamps(), product_fit.SEED))
     return LightEvidence(light.stated, nats_against(posterior, light), KIND_CONTRADICTS,
-                         light_words.LIGHT_KINDS, product_fit.kind_probabilities(posterior))
+                         LIGHT_KINDS, product_fit.kind_probabilities(posterior))
 
 
 def nats_against(posterior: product_posterior.ProductPosterior, light: UnknownLight) -> float:
@@ -170,9 +178,9 @@ def matrix_deviation(camera_from_xyz: np.ndarray, curves: np.ndarray,
         Sensitivities R, G, B on ``grid``, of any scale.
     grid : WavelengthGrid
     """
-    surfaces = chart.chart_reflectances("BabelColor Average", grid)
-    xyz = np.array([appearance.tristimulus(grid.nm, surface) for surface in surfaces])
-    signals = surfaces @ (curves * named_spectra.light("D65", grid) * grid.weights_nm).T
+    surfaces = chart_reflectances("BabelColor Average", grid)
+    xyz = np.array([tristimulus(grid.nm, surface) for surface in surfaces])
+    signals = surfaces @ (curves * light("D65", grid) * grid.weights_nm).T
     predicted = np.linalg.lstsq(xyz, signals, rcond=None)[0].T
     _, sizes, axes = np.linalg.svd(xyz, full_matrices=False)
     scaled_axes = (axes * np.sign(axes[:, :1])).T * sizes / np.sqrt(len(xyz))
@@ -215,7 +223,7 @@ def colour_matrix(camera_from_xyz: np.ndarray | None, curves: np.ndarray,
     return [Finding("calibration.matrix-agrees", Severity.INFO, values=values)]
 
 
-def drifting_light(drift: colour_drift.ColourDrift, photo_number: int | None) -> Finding:
+def drifting_light(drift: ColourDrift, photo_number: int | None) -> Finding:
     """Whether two kinds of light fall on the chart of a photo.
 
     Parameters
@@ -240,7 +248,7 @@ def disagreeing_bands(signal: np.ndarray, held_out: np.ndarray,
         As of ``disagreement_of_bands``.
     band_names : sequence of K str
     """
-    off = chart_photo.disagreement_of_bands(signal, held_out)
+    off = disagreement_of_bands(signal, held_out)
     return Finding("calibration.bands-disagree", Severity.WARN, values={
         "bands": {band_names[band]: float(off[band]) for band in np.argsort(-off)[:NAMED_BANDS]},
         "median": float(np.median(off))})
@@ -280,7 +288,7 @@ def ranked(patches: chart_causes.PatchSignals,
     return chart_causes.ranked(patches, {chart_causes.LIGHT: max(against, 0.0)})
 
 
-def worst_explained(fit: sensitivity.PriorFit, photos: Sequence[chart_equations.ChartEquations]) -> int:
+def worst_explained(fit: PriorFit, photos: Sequence[ChartEquations]) -> int:
     """Number of the photo that a fit explains worst.
 
     Parameters
@@ -293,7 +301,7 @@ def worst_explained(fit: sensitivity.PriorFit, photos: Sequence[chart_equations.
                           for photo, state in zip(photos, fit.photos, strict=True)]))
 
 
-def patch_signals(photo: chart_equations.ChartEquations, predicted: np.ndarray, glare: np.ndarray,
+def patch_signals(photo: ChartEquations, predicted: np.ndarray, glare: np.ndarray,
                   field: np.ndarray) -> chart_causes.PatchSignals | None:
     """What the causes of a chart photo are told from, by what a fit makes of it.
 
@@ -308,7 +316,7 @@ def patch_signals(photo: chart_equations.ChartEquations, predicted: np.ndarray, 
     glare, field
         Of the fit.
     """
-    if photo.filter is not None or photo.signal.shape[1] != chart_equations.COLOURS \
+    if photo.filter is not None or photo.signal.shape[1] != COLOURS \
             or photo.field_terms.shape[1] < 2:
         return None
     return chart_causes.PatchSignals(

@@ -175,8 +175,8 @@ def patch_moments(photo: chart_equations.ChartEquations, patch: int, state: np.n
 
 
 def gathered(photos: list[chart_equations.ChartEquations], basis: np.ndarray,
-             error: chart_equations.PatchError, patches: list[tuple[np.ndarray, np.ndarray,
-                                                                    np.ndarray]]) -> PatchesWithout:
+             error: chart_equations.PatchError,
+             patches: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> PatchesWithout:
     """The record of patches from ``patch_moments`` of each.
 
     Parameters

@@ -98,8 +98,8 @@ def require_fit_for(photos: list[chart_equations.ChartEquations],
 
 
 def fit_with_prior(photos: list[chart_equations.ChartEquations], prior: camera_prior.CameraPrior,
-                   grid: spectra.WavelengthGrid, *, model_errors: tuple[float,
-                                                                ...] = prior_fit.MODEL_ERRORS,
+                   grid: spectra.WavelengthGrid, *,
+                   model_errors: tuple[float, ...] = prior_fit.MODEL_ERRORS,
                    excluded: chart_equations.ChartEquations | None = None) -> PriorFit:
     """Curves, exposure, field and glare from chart photos of one camera, with calibrated errors.
 

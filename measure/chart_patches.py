@@ -17,14 +17,19 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.calibrate import chart_findings, chart_photo
+from spectrabox.calibrate import chart_findings
 from spectrabox.calibrate.chart_calibration import calibrate_chart
-from spectrabox.measure import camera, extras, texts
-from spectrabox.radiometry import errors, grid
+from spectrabox.calibrate.chart_photo import ChartPhoto
+from spectrabox.measure import texts
+from spectrabox.measure.camera import ERROR_PREFIX
+from spectrabox.measure.extras import attempt
 from spectrabox.radiometry.chart import BEFORE_2014, COPIES_SINCE_2014, Chart
 from spectrabox.radiometry.charts.references import editions
+from spectrabox.radiometry.errors import SpectraboxError
 from spectrabox.radiometry.findings import Finding, Severity
-from spectrabox.radiometry.records import photos, spectra
+from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.records import photos
+from spectrabox.radiometry.records.spectra import UnknownLight, default_band_names
 
 
 @dataclass(frozen=True)
@@ -70,7 +75,7 @@ def edition_in_photo(image: photos.LinearImage, chart: Chart,
     chart : Chart
     samples : PatchSamples
     """
-    edition, failed = extras.attempt("edition of the chart", lambda: _edition(image, chart, samples), None)
+    edition, failed = attempt("edition of the chart", lambda: _edition(image, chart, samples), None)
     if failed is not None:
         return replace(_not_fitted(""), failed=failed)
     assert edition is not None
@@ -88,9 +93,9 @@ def _edition(image: photos.LinearImage, chart: Chart, samples: photos.PatchSampl
         return ChartEdition(BEFORE_2014, None, Finding("edition.by-date", Severity.INFO, values={
             "told": BEFORE_2014, "date": samples.taken_at[:10]}))
     try:
-        copy = calibrate_chart([chart_photo.ChartPhoto(samples, of[0].mean, spectra.UnknownLight(), chart=chart,
-                                           editions=of)], grid.FINE_GRID).copy
-    except errors.SpectraboxError as error:
+        copy = calibrate_chart([ChartPhoto(samples, of[0].mean, UnknownLight(), chart=chart,
+                                           editions=of)], FINE_GRID).copy
+    except SpectraboxError as error:
         return _not_fitted(type(error).__name__)
     assert copy is not None, "a chart of several editions has a copy"
     told, nats = chart_findings.edition_told(copy), chart_findings.evidence_since(copy)
@@ -158,9 +163,9 @@ def patch_columns(chart: Chart, detection: photos.ChartDetection, samples: photo
     excluded : (I,) array
         Share of samples left out as dust or glints.
     """
-    bands = spectra.default_band_names(samples.mean.shape[1])
+    bands = default_band_names(samples.mean.shape[1])
     columns = {"patch": np.array(chart.names)}
-    for prefix, values in (("", samples.mean), (f"{camera.ERROR_PREFIX} ", samples.standard_error),
+    for prefix, values in (("", samples.mean), (f"{ERROR_PREFIX} ", samples.standard_error),
                            (f"{SPREAD_PREFIX} ", samples.spread),
                            (f"{CLIPPED_PREFIX} ", samples.clipped.astype(int))):
         columns |= {f"{prefix}{band}": values[:, number] for number, band in enumerate(bands)}

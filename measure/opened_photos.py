@@ -33,8 +33,8 @@ class OpenPhotos:
 
     def __init__(self, capture: captured.Capture) -> None:
         self._capture = capture
-        self._last: tuple[captured.PhotoFiles, photos.LinearImage, tuple[Finding,
-                                                                         ...]] | None = None
+        self._last: tuple[captured.PhotoFiles, photos.LinearImage,
+                          tuple[Finding, ...]] | None = None
         self._channels: Channels | None = None
 
     def developed(self,

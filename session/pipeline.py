@@ -69,8 +69,8 @@ class FolderKeeper:
     def records(self) -> CaptureRecords:
         return self.finished.records
 
-    def keep(self, step: declared_steps.Step, compute: Callable[[Progress, Path | None],
-                                                                shaped.Record]) -> None:
+    def keep(self, step: declared_steps.Step,
+             compute: Callable[[Progress, Path | None], shaped.Record]) -> None:
         """The step's record as it is stored, if that is up to date; else as it is computed now."""
         name, key = step.name, self._keys[step.name]
         stored = record_files.load_stage(self._config.results_folder, name)

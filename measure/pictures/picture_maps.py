@@ -115,11 +115,8 @@ def map_rows(folder: Path, height: int, width: int, maps: Sequence[Map], reduced
              ) -> Iterator[Callable[[int, lit_photo.PhotoSpectra], None]]:
     """A function of (first row, spectra of some rows) that writes rows of all maps."""
     with contextlib.ExitStack() as files:
-        writers = {
-            each.file: files.enter_context(image_rows.png_rows(folder / each.file, height, width,
-                                                               3))
-            for each in maps
-        }
+        writers = {each.file: files.enter_context(
+            image_rows.png_rows(folder / each.file, height, width, 3)) for each in maps}
 
         def write(first: int, spectra: lit_photo.PhotoSpectra) -> None:
             seen = spectra.flags == pixel_flags.SEEN

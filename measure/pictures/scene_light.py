@@ -56,8 +56,8 @@ class SceneLight:
                                 values=values)
 
 
-def converge_light(scene: traced_photo.TracedPhoto, progress: Callable[[float],
-                                                                       None]) -> SceneLight:
+def converge_light(scene: traced_photo.TracedPhoto,
+                   progress: Callable[[float], None]) -> SceneLight:
     """The light on every pixel, with the spectra of the materials that the pixels themselves show.
 
     Parameters

@@ -100,8 +100,8 @@ SCALE_PASSES = 3            # reflections between surfaces change with the stren
 FROM_PRIOR = "what the prior expects of surfaces, since nothing states the strength of the light"
 
 
-def scale_from_prior(view: PhotoView, settings: InversionSettings, families: Mapping[str,
-                                                                                     Sequence[str]],
+def scale_from_prior(view: PhotoView, settings: InversionSettings,
+                     families: Mapping[str, Sequence[str]],
                      progress: spectra.Progress) -> calibration.LightScale:
     """The strength of the light under which the materials are most probable.
 

@@ -210,8 +210,8 @@ class Replays:
     calibrations: Sequence[Calibration]
     joint: JointReconstruction
     errors: StatedErrors
-    priors: Mapping[str,
-                    mixture.LogitMixture]  # of every unknown material, of its families if stated
+    # of every unknown material, of its families if stated
+    priors: Mapping[str, mixture.LogitMixture]
     truths: Mapping[str, np.ndarray]        # (T, 61) each
     cameras: np.ndarray                     # (T, K, P)
 

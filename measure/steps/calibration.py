@@ -11,10 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.calibrate import chart_calibration, chart_photo, light_error, sensitivity, trust
+from spectrabox.calibrate import chart_calibration, light_error
+from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.prior.camera_prior import prior_of_curves
+from spectrabox.calibrate.sensitivity import PriorFit
+from spectrabox.calibrate.trust import certain_glare
 from spectrabox.capture.chart import quality
-from spectrabox.measure import captured, opened_photos
+from spectrabox.measure import captured
+from spectrabox.measure.opened_photos import require_curves_of_bands
 from spectrabox.measure.records import (
     CalibrationRecords,
     CaptureRecords,
@@ -23,8 +27,9 @@ from spectrabox.measure.records import (
 )
 from spectrabox.measure.steps import chart_fit
 from spectrabox.measure.steps.work import Work
-from spectrabox.radiometry import errors, grid
+from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.findings import Finding, Severity
+from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.calibration import (
     Calibration,
     ChartWhite,
@@ -66,7 +71,7 @@ def calibrate_flat(capture: captured.FlatCapture, records: CaptureRecords,
         If photos that are stated to be under one lamp show two.
     """
     charts = records.chart.charts
-    opened_photos.require_curves_of_bands(capture)
+    require_curves_of_bands(capture)
     work.progress(0.6, "fitting sensitivities")
     photos = _chart_photos(capture, records, None)
     groups, of_lights = _groups_by_light(capture, charts)
@@ -96,7 +101,7 @@ def calibrate_scene(capture: captured.SceneCapture, records: CaptureRecords,
         If chart and light do not determine the camera.
     """
     charts = records.chart.charts
-    opened_photos.require_curves_of_bands(capture)
+    require_curves_of_bands(capture)
     irradiance = _irradiance(capture, work) if charts else None
     work.progress(0.6, "fitting sensitivities")
     photos = _chart_photos(capture, records, irradiance)
@@ -113,7 +118,7 @@ def calibrate_scene(capture: captured.SceneCapture, records: CaptureRecords,
 
 
 def _chart_photos(capture: captured.Capture, records: CaptureRecords,
-                  irradiance: np.ndarray | None) -> dict[str, chart_photo.ChartPhoto]:
+                  irradiance: np.ndarray | None) -> dict[str, ChartPhoto]:
     """The charts as their fits take them, by view."""
     bands = capture.band_names(records.photo.bands)
     views = capture.views_with_chart
@@ -128,7 +133,7 @@ def _chart_photos(capture: captured.Capture, records: CaptureRecords,
 
 def _fitted(capture: captured.Capture, groups: list[list[captured.View]],
             photos: Mapping[str,
-                            chart_photo.ChartPhoto], options: chart_calibration.CalibrationOptions) -> _Fits:
+                            ChartPhoto], options: chart_calibration.CalibrationOptions) -> _Fits:
     """One camera, and the light of every view, of each group of views.
 
     With the method ``prior`` the charts of a group are one fit; other methods fit the camera to the
@@ -156,7 +161,7 @@ def _fitted(capture: captured.Capture, groups: list[list[captured.View]],
         fit, prior_fit = None, None
         if first.chart:
             fit, held_out[first.name] = chart_fit.fit([photos[name] for name in fitted],
-                                                      grid.FINE_GRID, options)
+                                                      FINE_GRID, options)
             camera, prior_fit = fit.calibration, fit.prior_fit
             findings += [dataclasses.replace(one, subject=first.name) for one
                          in fit.of_chart(held_out[first.name], capture.layout.names)]
@@ -176,7 +181,7 @@ def _fitted(capture: captured.Capture, groups: list[list[captured.View]],
             own = _of_view(camera, view, scale)
             if prior_fit is not None and view.chart:
                 own = chart_calibration.through_filter(own, prior_fit, fitted.index(view.name),
-                                                       grid.FINE_GRID)
+                                                       FINE_GRID)
             calibrations[view.name] = own
     return _Fits(calibrations, whites, of_first, held_out, tuple(findings))
 
@@ -185,7 +190,7 @@ def _camera_of_curves(capture: captured.Capture, view: captured.View) -> Calibra
     """A camera of measured curves, which no chart is needed for."""
     chosen = capture.sensitivity
     assert chosen.curves is not None
-    return chart_calibration.calibration_from_curves(grid.FINE_GRID, chosen.curves,
+    return chart_calibration.calibration_from_curves(FINE_GRID, chosen.curves,
                                                      require_spectrum(view.light),
                                                      chosen.relative_error)
 
@@ -214,7 +219,7 @@ def _records(fits: _Fits, charts: Mapping[str, MeasuredChart],
     if fit is not None:
         patch_error = None if fit.prior_fit is None else np.array(fit.prior_fit.patch_error)
         chart = ChartFit(fit.predicted, irradiance,
-                         trust.certain_glare(fit.prior_fit, charts[""].thumbnail), patch_error,
+                         certain_glare(fit.prior_fit, charts[""].thumbnail), patch_error,
                          fit.prior_influence, fits.held_out[""], fit.copy)
     others = {name: patches for name, patches in fits.held_out.items() if name}
     return CalibrationRecords(fits.calibrations, fits.whites, chart, others, fits.findings)
@@ -229,7 +234,7 @@ def require_spectrum(light: Spectrum | UnknownLight) -> Spectrum:
         If it is not.
     """
     if isinstance(light, UnknownLight):
-        raise errors.InputError(f"this needs the spectrum of a light and has an {light.words}; measure "
+        raise InputError(f"this needs the spectrum of a light and has an {light.words}; measure "
                          "it, or name a CIE illuminant")
     return light
 
@@ -280,7 +285,7 @@ def _groups_by_light(capture: captured.FlatCapture, charts: Mapping[str, Measure
                     shown := difference(first, view)) > light_error.OTHER_LIGHT:
                 remedy = "put the lamp lower, where no patch mirrors it, and light nothing else" \
                     if view.moved else "give the view a light of its own (light = \"unknown\")"
-                raise errors.CheckError(
+                raise CheckError(
                     f"{view.chart_names[0]} is stated to be under the lamp of "
                     f"{first.chart_names[0]}, and its chart shows a light that differs by "
                     f"{shown:.0%}: {remedy}, or take both photos under one lamp that has warmed up")
@@ -304,11 +309,11 @@ def _options_of_flat(capture: captured.FlatCapture) -> chart_calibration.Calibra
     chosen = capture.sensitivity
     prior = chosen.prior
     if chosen.curves is not None:
-        prior = prior_of_curves(grid.FINE_GRID, chosen.curves, chosen.relative_error)
+        prior = prior_of_curves(FINE_GRID, chosen.curves, chosen.relative_error)
     return chart_calibration.CalibrationOptions(chosen.method, prior)
 
 
-def _own_scale(photo: chart_photo.ChartPhoto, camera: Calibration, prior_fit: sensitivity.PriorFit | None,
+def _own_scale(photo: ChartPhoto, camera: Calibration, prior_fit: PriorFit | None,
                index: int) -> LightScale | None:
     """Scale of the light of a further view from its own chart photo; None where the irradiance of
     the chart is not known.
@@ -323,7 +328,7 @@ def _own_scale(photo: chart_photo.ChartPhoto, camera: Calibration, prior_fit: se
     if prior_fit is not None:
         return prior_fit.photos[index].light_scale
     options = chart_calibration.CalibrationOptions(curves=camera.sensitivity.curves)
-    return chart_fit.fit([photo], grid.FINE_GRID, options)[0].scale
+    return chart_fit.fit([photo], FINE_GRID, options)[0].scale
 
 
 def _irradiance(capture: captured.SceneCapture, work: Work) -> np.ndarray | None:

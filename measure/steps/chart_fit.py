@@ -157,5 +157,5 @@ def with_lamp_error(calibration: Calibration, error: float) -> Calibration:
     """A calibration whose light scale errs by the lamp's position too."""
     scale = calibration.light_scale
     return calibration if scale is None else replace(
-        calibration, light_scale=error_model.with_common_error(scale, error_model.LAMP_AT_CHART,
-                                                               error))
+        calibration,
+        light_scale=error_model.with_common_error(scale, error_model.LAMP_AT_CHART, error))

@@ -91,8 +91,8 @@ class Arguments:
             "prior": self._named(str(prior), load_camera_prior(Path(prior)))}
 
     def surface(self, name: str, families: Mapping[str, str | Sequence[str]] | None,
-                surfaces: Mapping[str, str], known: Mapping[str,
-                                                            given_spectra.KnownSpectrum | None],
+                surfaces: Mapping[str, str],
+                known: Mapping[str, given_spectra.KnownSpectrum | None],
                 truth: Mapping[str, given_spectra.KnownSpectrum]) -> Table:
         """What is stated of a surface, each argument by its name."""
         return {"family": list(arguments.families_of((families or {}).get(name))) or None,
