@@ -204,7 +204,7 @@ def fitted(photo: ChartPhoto, prior: CameraPrior) -> dict[str, Any]:
     state = fit.photos[0]
     return {"refused": "disagrees" if fit.disagrees else "",
             "fit": (*veiled(fit), *(one.finding for one in evidence), doubts.unlike_cameras(fit),
-                    *([] if drift is None else [doubts.drifting_light(drift, None)])),
+                    *([] if drift is None else [doubts.drifting_light(*drift, None)])),
             "photo": used[0], "state": (state.predicted, state.glare, state.field),
             "evidence": evidence}
 

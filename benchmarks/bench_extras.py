@@ -329,8 +329,7 @@ def extras_of(spectra: FlatSpectra | SceneSpectra,
     names = [name for name, one in spectra.items() if one.given is None]
     for pair in itertools.islice(itertools.combinations(names, 2), 2):
         yield "comparison", lambda pair=pair: _compared(spectra, pair)
-    yield "report", lambda: [_raised(one) for one in render_report(_session(spectra,
-                                                                            folder)).failed]
+    yield "report", lambda: [_raised(one) for one in render_report(_session(spectra, folder))[2]]
 
 
 def _whole(spectra: FlatSpectra | SceneSpectra) -> None:

@@ -295,7 +295,7 @@ def _with_prior(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Waveleng
     for number in range(len(used)):
         drift = colour_drift(fit.posterior, shown, number)
         if drift is not None:
-            of_fit.append(doubts.drifting_light(drift, number + 1 if len(used) > 1 else None))
+            of_fit.append(doubts.drifting_light(*drift, number + 1 if len(used) > 1 else None))
 
     without = in_chart_order(fit.without, first.used)
     signals_without = without.predicted(first.reflectances)

@@ -17,7 +17,6 @@ errors of colours are is taken from what d leaves of the residuals: an F statist
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -30,23 +29,10 @@ MIN_KEPT = 0.3               # share of a drift's information that a fit is take
 MIN_SPREAD = 0.05            # of the squared errors of colours, over those that were fitted
 
 
-@dataclass(frozen=True)
-class ColourDrift:
-    """Linear drift of the light's colour over a chart."""
-
-    size: float                 # largest relative change of the ratio of two bands, side to side
-    chance: float               # probability of so much under one kind of light
-
-    @property
-    def two_lights(self) -> bool:
-        """Whether it is beyond chance and large enough to matter."""
-        return self.chance < FALSE_ALARM and self.size > MIN_DRIFT
-
-
 def colour_drift(posterior: prior_fit.CurvePosterior,
                  photos: Sequence[chart_equations.ChartEquations],
-                 number: int) -> ColourDrift | None:
-    """Drift of the light's colour over the chart of one of the photos of a fit.
+                 number: int) -> tuple[float, float] | None:
+    """Linear drift of the light's colour over the chart of one of the photos of a fit.
 
     Parameters
     ----------
@@ -58,8 +44,13 @@ def colour_drift(posterior: prior_fit.CurvePosterior,
 
     Returns
     -------
-    ColourDrift or None
-        None where the positions of the patches are not known: the light on each was given.
+    size : float
+        Largest relative change of the ratio of two bands, side to side.
+    chance : float
+        Probability of so much under one kind of light.
+
+    None in place of both where the positions of the patches are not known: the light on each was
+    given.
     """
     photo = photos[number]
     if photo.field_terms.shape[1] < 2:
@@ -105,8 +96,7 @@ def colour_drift(posterior: prior_fit.CurvePosterior,
     spread = (np.sum((unit @ residuals) ** 2) - chi_square) / free if free > 0 else 1.0
     statistic = chi_square / drift.size / max(spread, MIN_SPREAD)
     across = drift * np.ptp(along, axis=0)[:, None]
-    return ColourDrift(float(np.ptp(across, axis=1).max()),
-                       _chance(statistic, drift.size, max(free, 1.0)))
+    return float(np.ptp(across, axis=1).max()), _chance(statistic, drift.size, max(free, 1.0))
 
 
 def _chance(statistic: float, freedom: int, free: float) -> float:

@@ -30,7 +30,7 @@ import numpy as np
 
 from spectrabox.calibrate.chart_equations import COLOURS, ChartEquations
 from spectrabox.calibrate.chart_photo import disagreement_of_bands
-from spectrabox.calibrate.colour_drift import ColourDrift
+from spectrabox.calibrate.colour_drift import FALSE_ALARM, MIN_DRIFT
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.learnt_prior import UNLIKE
 from spectrabox.calibrate.products import product_fit, product_posterior
@@ -223,19 +223,21 @@ def colour_matrix(camera_from_xyz: np.ndarray | None, curves: np.ndarray,
     return [Finding("calibration.matrix-agrees", Severity.INFO, values=values)]
 
 
-def drifting_light(drift: ColourDrift, photo_number: int | None) -> Finding:
-    """Whether two kinds of light fall on the chart of a photo.
+def drifting_light(size: float, chance: float, photo_number: int | None) -> Finding:
+    """Whether two kinds of light fall on the chart of a photo: a drift of its colour is beyond
+    chance and large enough to matter.
 
     Parameters
     ----------
-    drift : ColourDrift
+    size, chance : float
+        Of ``colour_drift``.
     photo_number : int or None
         Of several photos, from 1.
     """
-    code, severity = ("light.two-kinds", Severity.WARN) if drift.two_lights \
-        else ("light.one-kind", Severity.INFO)
-    return Finding(code, severity, values={"photo_number": photo_number, "drift": drift.size,
-                                           "chance": drift.chance})
+    code, severity = ("light.two-kinds", Severity.WARN) \
+        if chance < FALSE_ALARM and size > MIN_DRIFT else ("light.one-kind", Severity.INFO)
+    return Finding(code, severity, values={"photo_number": photo_number, "drift": size,
+                                           "chance": chance})
 
 
 def disagreeing_bands(signal: np.ndarray, held_out: np.ndarray,

@@ -63,7 +63,7 @@ def test_one_kind_of_light_that_falls_off_is_seldom_taken_for_two():
         equations = chart_equations(photo.samples, REFLECTANCES, power, np.full(24, np.pi), GRID,
                                     positions=CLASSIC.centres_uv)
         fit = fit_with_prior([equations], prior, GRID)
-        chances.append(colour_drift(fit.posterior, [equations], 0).chance)
+        chances.append(colour_drift(fit.posterior, [equations], 0)[1])
     # uniform between 0 and 1 if the fit's errors are as stated; the fit keeps errors that are
     # larger than made for possible, so that one-sided: 3 of 10 below 0.01 have a chance of 1e-4
     assert np.sum(np.array(chances) < 0.01) < 3

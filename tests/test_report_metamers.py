@@ -65,7 +65,7 @@ def test_a_reading_is_advised_where_the_two_are_furthest_apart():
 
 def test_page_and_numbers_say_the_same(tmp_path):
     results = example_session(tmp_path, materials=("white", "red", "green"))
-    page, numbers = render_report(results).page, scene_numbers(results.found)
+    page, numbers = render_report(results)[0], scene_numbers(results.found)
     drawn = [one for one in results.found.surfaces if one.samples is not None]
     assert page.count('class="metamers"') == len(drawn) > 0
     facts = [one["metamers"] for one in numbers["materials"] if one["metamers"]]

@@ -112,7 +112,7 @@ def test_without_a_reference_no_difference_is_said(session):
     results = with_found(session, chart=chart)
     section = swatch_pairs(results.found)
     assert section.mean is None and section.large[0].patch == SOILED
-    page = render_report(results).page
+    page = render_report(results)[0]
     assert page.count('class="halves"') == 24 and 'class="difference"' not in page
 
 
@@ -142,7 +142,7 @@ def test_the_spectra_of_all_patches_stand_beside_their_reference(session, tmp_pa
               "percentile_90": np.percentile(each, 90), "largest": each.max()}
     assert facts["delta_e00"] == pytest.approx(wanted, abs=0.05)
     np.testing.assert_allclose([row["reference"] for row in facts["patches"]], reference, atol=5e-6)
-    page = render_report(results).page
+    page = render_report(results)[0]
     said = [f"{wanted[key]:.1f}" for key in wanted]
     assert re.search(r"Chart patches, estimated beside reference: ΔE₀₀ mean {}, median {}, 90.% up "
                      r"to {}, worst {}".format(*said), page)
@@ -160,18 +160,18 @@ def test_a_patch_without_signal_comes_first_and_striped(session):
 
 def test_of_a_large_chart_the_worst_are_large_and_the_others_folded_away(session, monkeypatch):
     monkeypatch.setattr("spectrabox.session.report.spectra.MAX_LARGE", 10)
-    page = render_report(session).page
+    page = render_report(session)[0]
     assert "The other 14 patches" in page
     folded = page.split("The other 14 patches")[1].split("</details>")[0]
     assert folded.count('class="halves"') == 14
 
 
 def test_page_and_data_hold_the_same_numbers(written):
-    numbers, report = written
-    embedded = json.loads(report.numbers)
+    numbers, (page, written_numbers, _) = written
+    embedded = json.loads(written_numbers)
     assert {key: embedded[key] for key in numbers} == numbers
     colour = embedded["chart"]["swatches"]["predicted"][SOILED]
-    assert f'background: {colour}"' in report.page and ">paint 70\u00a0%</span>" in report.page
+    assert f'background: {colour}"' in page and ">paint 70\u00a0%</span>" in page
 
 
 def test_the_share_of_the_prior_is_drawn_as_high_as_it_is():

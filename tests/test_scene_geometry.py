@@ -167,7 +167,7 @@ def test_what_is_stored_comes_back():
 
 def test_the_report_shows_what_moved(tmp_path):
     plain = example_session(tmp_path)
-    assert "What moved" not in render_report(plain).page
+    assert "What moved" not in render_report(plain)[0]
     results = with_found(plain, geometry=geometry())
     page = write_report(results)
     text = page.read_text(encoding="utf-8")

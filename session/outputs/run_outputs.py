@@ -58,9 +58,8 @@ def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: li
         kept = advised_of_facts(advice)
         results = replace(results, found=replace(results.found, advise=lambda: kept))
     found = results.found
-    rendered = page.rendered_report(results)
-    report = page.store_report(rendered, results.folder)
-    failed = rendered.failed
+    rendered, numbers, failed = page.rendered_report(results)
+    report = page.store_report(rendered, numbers, results.folder)
     files = [report, report.with_name(page.NUMBERS_NAME),
              *surface_files.write_surface_files(found, results.folder, results.name)]
     if isinstance(found, SceneResult) and isinstance(finished.capture, captured.SceneCapture):

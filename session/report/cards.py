@@ -55,21 +55,6 @@ UNTESTED = "band of untested coverage"
 
 
 @dataclass(frozen=True, eq=False)
-class Metamers:
-    """Two spectra of a surface that the photo cannot tell apart, under several lights."""
-
-    pair: MetamerPair
-    drawing: Markup
-
-    @property
-    def lights(self) -> list[tuple[str, str, str, float]]:
-        """Of each light its name, both colours as CSS writes them, and their CIEDE2000."""
-        return [(name, spectra.css_colour(one), spectra.css_colour(other), float(difference))
-                for name, (one, other), difference
-                in zip(LIGHTS, self.pair.srgb, self.pair.delta_e00, strict=True)]
-
-
-@dataclass(frozen=True, eq=False)
 class Card:
     """What the report shows of one surface."""
 
@@ -79,7 +64,7 @@ class Card:
     doubts: tuple[str, ...]         # in few words; empty where nothing speaks against the estimate
     figure: Markup
     budget: Markup | None
-    metamers: Metamers | None
+    metamers: Markup | None         # two spectra that the photo cannot tell apart
     columns: tuple[str, ...]
     rows: list[list[float]]         # every 10 nm: the wavelength, then the columns
     advice: tuple[Advice, ...]      # what to do next, the best first
@@ -94,6 +79,17 @@ class Card:
     def hex(self) -> str:
         """The colour as web pages write it."""
         return spectra.hex_colour(self.surface.srgb)
+
+    @property
+    def lights_on_metamers(self) -> list[tuple[str, str, str, float]]:
+        """Of each light its name, the colours of both metamers as CSS writes them, and their
+        CIEDE2000.
+        """
+        pair = self.surface.metamers
+        assert pair is not None
+        return [(name, spectra.css_colour(one), spectra.css_colour(other), float(difference))
+                for name, (one, other), difference
+                in zip(LIGHTS, pair.srgb, pair.delta_e00, strict=True)]
 
     @property
     def largest_causes(self) -> list[tuple[str, float]]:
@@ -123,14 +119,13 @@ def answer_cards(surfaces: Sequence[SurfaceResult], doubts: Mapping[str, tuple[s
 
 def _card(number: int, index: int, surface: SurfaceResult, doubts: tuple[str, ...],
           common: Sequence[Finding], advice: tuple[Advice, ...]) -> Card:
-    curves, metamers = spectra.surface_curves(surface), None
+    curves, pair = spectra.surface_curves(surface), surface.metamers
     told = () if surface.samples is None else surface.samples.findings  # where it is doubtful
-    if surface.metamers is not None:
-        metamers = Metamers(surface.metamers, metamer_drawing(surface.metamers))
     return Card(
         f"material-{number}", index, surface, (*doubts, UNTESTED) if surface.untested else doubts,
         spectra.spectrum_figure(f"spectrum-{number}", surface),
-        error_budget_bars(f"budget-{number}", surface), metamers, tuple(curves),
+        error_budget_bars(f"budget-{number}", surface),
+        None if pair is None else metamer_drawing(pair), tuple(curves),
         spectra.every_10_nm(surface.nm, curves), advice,
         tuple(one for one in _assumptions(surface) if one not in common and one not in told))
 

@@ -4,7 +4,6 @@ lies, and where lamp and cameras were stated to be and where they were found.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -249,17 +248,11 @@ def _sheet(name: str, height: float) -> svg.Plot:
     return svg.Plot(name, WIDE, height, (0, WIDE), (height, 0), (0, 0, 0, 0))
 
 
-@dataclass(frozen=True, eq=False)
-class GeometrySection:
-    """What of a scene was estimated, and the edges as every camera sees them."""
-
-    rows: tuple[scenes.Placement, ...]
-    photos: list[tuple[str, Markup]]        # names of views, and their figures
-
-
 def geometry_section(geometry: scenes.SceneGeometry | None,
-                     previews: Mapping[str, Path]) -> GeometrySection | None:
-    """What the page shows of the scene's geometry; None where nothing of it was estimated.
+                     previews: Mapping[str, Path]
+                     ) -> tuple[tuple[scenes.Placement, ...], list[tuple[str, Markup]]] | None:
+    """What of a scene was estimated, and names of views with the edges as their cameras see them;
+    None where nothing was estimated.
 
     Parameters
     ----------
@@ -269,9 +262,8 @@ def geometry_section(geometry: scenes.SceneGeometry | None,
     """
     if geometry is None:
         return None
-    return GeometrySection(geometry.placements, [
-        (view.name, _marks_figure(number, view, previews[view.name]))
-        for number, view in enumerate(geometry.views, start=1)])
+    return geometry.placements, [(view.name, _marks_figure(number, view, previews[view.name]))
+                                 for number, view in enumerate(geometry.views, start=1)]
 
 
 @svg.figure("the marks on the photo")

@@ -26,7 +26,6 @@ from spectrabox.session.outputs.session_results import SessionResults
 from spectrabox.session.report import figures, maps, svg
 from spectrabox.session.report.cards import (
     Card,
-    Metamers,
     answer_cards,
     assumed_of_all,
     tested_families,
@@ -56,13 +55,8 @@ Kind = TypeVar("Kind", bound=Markup)
 NUMBER_AND_UNIT = re.compile(r"(?<=\d) (?=(?:nm|px|s|mm|cm|m|K)\b)|(?<=\d) ?(?=%(?!\.?\w))")
 
 
-@dataclass(frozen=True)
-class RenderedReport:
-    """A page, the JSON that it embeds, and what of the session's extras could not be made."""
-
-    page: str
-    numbers: str
-    failed: tuple[Finding, ...] = ()
+# A page, the JSON that it embeds, and what of the session's extras could not be made.
+Report = tuple[str, str, tuple[Finding, ...]]
 
 
 def write_report(results: SessionResults) -> Path:
@@ -82,10 +76,11 @@ def write_report(results: SessionResults) -> Path:
     EnvironmentProblem
         Likewise.
     """
-    return store_report(rendered_report(results), results.folder)
+    page, numbers, _ = rendered_report(results)
+    return store_report(page, numbers, results.folder)
 
 
-def rendered_report(results: SessionResults) -> RenderedReport:
+def rendered_report(results: SessionResults) -> Report:
     """The report; a plain page of what the terminal says where the full one cannot be laid out.
 
     Parameters
@@ -101,16 +96,17 @@ def rendered_report(results: SessionResults) -> RenderedReport:
     page = Markup('<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>Spectrabox '
                   "report: {}</title></head><body><h1>{}</h1><pre>{}</pre></body></html>\n").format(
         results.name, results.name, text)
-    return RenderedReport(str(page), json_for_script(
-        results.facts() | {"failed_extras": [extras.facts(one) for one in every]}), every)
+    return str(page), json_for_script(
+        results.facts() | {"failed_extras": [extras.facts(one) for one in every]}), every
 
 
-def store_report(report: RenderedReport, folder: Path) -> Path:
+def store_report(page: str, numbers: str, folder: Path) -> Path:
     """Write ``report.html`` and ``report.json`` into the session folder, each whole or not at all.
 
     Parameters
     ----------
-    report : RenderedReport
+    page, numbers : str
+        As of ``rendered_report``.
     folder : Path
 
     Returns
@@ -123,13 +119,13 @@ def store_report(report: RenderedReport, folder: Path) -> Path:
     EnvironmentProblem
         If the folder cannot be written; an older report is left as it was.
     """
-    with whole_file(folder / NUMBERS_NAME) as numbers, whole_file(folder / PAGE_NAME) as page:
-        for path, text in ((numbers, report.numbers + "\n"), (page, report.page)):
+    with whole_file(folder / NUMBERS_NAME) as json_file, whole_file(folder / PAGE_NAME) as html:
+        for path, text in ((json_file, numbers + "\n"), (html, page)):
             path.write_bytes(text.encode("utf-8", "backslashreplace"))
     return folder / PAGE_NAME
 
 
-def render_report(results: SessionResults) -> RenderedReport:
+def render_report(results: SessionResults) -> Report:
     """The page as text; every name, note and file name of the session is escaped."""
     found = results.found
     cards = answer_cards(found.surfaces, found.verdict.doubts, found.advice)
@@ -149,7 +145,7 @@ def render_report(results: SessionResults) -> RenderedReport:
     page = templates().get_template("report.html.j2").render(
         content | {"failed": failed, "numbers": written, "style": style_sheet(),
                    "script": _texts(PIECES / "spectra.js", TEMPLATES / "report.js")})
-    return RenderedReport(UNITS.sub(_with_units_kept, page), written, failed)
+    return UNITS.sub(_with_units_kept, page), written, failed
 
 
 def _with_units_kept(part: re.Match[str]) -> str:
@@ -309,7 +305,7 @@ def _agreement_section(name: str, fit: Reconstruction, calibration: Calibration,
                             scale_words(fit.light_scale))
 
 
-SECTIONS = (AgreementSection, Card, ChartSection, maps.GeometrySection, Metamers, PhotoSection)
+SECTIONS = (AgreementSection, Card, ChartSection, PhotoSection)
 
 
 def _of_kind(content: Any, kind: type[Kind]) -> Iterator[Kind]:
