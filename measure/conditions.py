@@ -153,17 +153,17 @@ def statements_of(capture: captured.Capture) -> Statements:
         bracket=any(len(files) > 1 for view in views for files in view.photo.values()))
 
 
-def flat_conditions(found: FlatResult) -> tuple[Finding, ...]:
+def flat_conditions(result: FlatResult) -> tuple[Finding, ...]:
     """Conditions of flat samples."""
-    return (_flat_light(found), _gloss(found, "condition.gloss"), _plane(found), _shadow(found),
-            _fluorescence(found), _linearity(found), *_chart_copy(found), _camera(found))
+    return (_flat_light(result), _gloss(result, "condition.gloss"), _plane(result), _shadow(result),
+            _fluorescence(result), _linearity(result), *_chart_copy(result), _camera(result))
 
 
-def scene_conditions(found: SceneResult) -> tuple[Finding, ...]:
+def scene_conditions(result: SceneResult) -> tuple[Finding, ...]:
     """Conditions of scenes, in which plane and shadow are the geometry's."""
-    return (_scene_light(found), _light_place(found), _geometry(found),
-            _gloss(found, "condition.scene-gloss"), _fluorescence(found),
-            _linearity(found), *_chart_copy(found), _camera(found))
+    return (_scene_light(result), _light_place(result), _geometry(result),
+            _gloss(result, "condition.scene-gloss"), _fluorescence(result),
+            _linearity(result), *_chart_copy(result), _camera(result))
 
 
 def conditions_text(conditions: Sequence[Finding], title: str = "") -> str:
@@ -181,41 +181,41 @@ def conditions_text(conditions: Sequence[Finding], title: str = "") -> str:
 
 # ---- the conditions ------------------------------------------------------------------------------
 
-def _flat_light(found: FlatResult) -> Finding:
-    cards, every = _cards(found)
-    between = not found.stated.chart_in_photo
-    common: dict[str, Any] = {"error": allowed_error(found.surfaces, LIGHT_CAUSES),
-                              "variance_share": allowed_share(found.surfaces, LIGHT_CAUSES),
+def _flat_light(result: FlatResult) -> Finding:
+    cards, every = _cards(result)
+    between = not result.stated.chart_in_photo
+    common: dict[str, Any] = {"error": allowed_error(result.surfaces, LIGHT_CAUSES),
+                              "variance_share": allowed_share(result.surfaces, LIGHT_CAUSES),
                               "names": cards}
     if between and not (cards and every):
         return condition("condition.light", ASSUMED, "chart-apart", fault="dimmer",
                          fault_size=DIMMER_FAULT,
-                         lightness=darker_by(found.surfaces, DIMMER_FAULT), **common)
+                         lightness=darker_by(result.surfaces, DIMMER_FAULT), **common)
     changes = [darker_by([surface], 2 * (error_by(surface, LIGHT_CAUSES) or 0.0))
-               for surface in found.surfaces]
+               for surface in result.surfaces]
     if cards and every:
-        standing = _by_cards(found)
+        standing = _by_cards(result)
         known_by = "known-regions" if standing is MEASURED else TYPED
     else:
-        standing, known_by = MEASURED, "flat-field" if found.by_flat_field else "chart-carried-on"
+        standing, known_by = MEASURED, "flat-field" if result.by_flat_field else "chart-carried-on"
     return condition(
         "condition.light", standing, known_by, fault="dimmer-by-error",
         lightness=max((each for each in changes if each is not None), key=abs, default=None),
         **common)
 
 
-def _cards(found: FlatResult) -> tuple[list[str], bool]:
+def _cards(result: FlatResult) -> tuple[list[str], bool]:
     """Known regions, and whether every photo of samples shows one."""
-    return (list(dict.fromkeys(name for photo in found.photos for name in photo.level_misfits)),
-            all(photo.level_misfits for photo in found.photos if photo.light))
+    return (list(dict.fromkeys(name for photo in result.photos for name in photo.level_misfits)),
+            all(photo.level_misfits for photo in result.photos if photo.light))
 
 
-def _by_cards(found: FlatResult) -> str:
+def _by_cards(result: FlatResult) -> str:
     """Standing of what known regions tell: that of their own reflectances."""
-    return MEASURED if found.stated.known_error <= INSTRUMENT_ERROR else STATED
+    return MEASURED if result.stated.known_error <= INSTRUMENT_ERROR else STATED
 
 
-def _by_moved_lamp(found: CaptureResult, fault: float,
+def _by_moved_lamp(result: CaptureResult, fault: float,
                    error_in: Callable[[InPlace], float]) -> tuple[str, str, float | None]:
     """Whether photos with the lamp moved would show a fault, as their errors of every sample say:
     standing, how it is known, and the error of the worst sample in its worst place.
@@ -223,27 +223,27 @@ def _by_moved_lamp(found: CaptureResult, fault: float,
     A shadow of 10 % in one of two photos raises that error from .03 to .05, though it is not named.
     """
     errors = [max((error_in(place) for place in surface.places), default=np.inf)
-              for surface in found.surfaces if not surface.known]
-    error = max(errors, default=np.inf) if found.stated.lamp_moved else np.inf
+              for surface in result.surfaces if not surface.known]
+    error = max(errors, default=np.inf) if result.stated.lamp_moved else np.inf
     if not np.isfinite(error):
         return ASSUMED, "no-photo", None
     return MEASURED if SURE * error <= fault else ASSUMED, "lamp-moved", error
 
 
-def _plane(found: FlatResult) -> Finding:
-    standing, known_by, error = _by_moved_lamp(found, DARKER_FAULT, lambda one: one.level_error)
-    if standing is ASSUMED and _cards(found)[1]:
-        standing, known_by = _by_cards(found), "known-beside"
+def _plane(result: FlatResult) -> Finding:
+    standing, known_by, error = _by_moved_lamp(result, DARKER_FAULT, lambda one: one.level_error)
+    if standing is ASSUMED and _cards(result)[1]:
+        standing, known_by = _by_cards(result), "known-beside"
     if error is None:
-        error = allowed_error(found.surfaces, (error_model.SAMPLE_PLANE,))
+        error = allowed_error(result.surfaces, (error_model.SAMPLE_PLANE,))
     return condition("condition.plane", standing, known_by, error=error, fault="dimmer",
-                     fault_size=DARKER_FAULT, lightness=darker_by(found.surfaces, DARKER_FAULT),
-                     variance_share=allowed_share(found.surfaces, (error_model.SAMPLE_PLANE,)))
+                     fault_size=DARKER_FAULT, lightness=darker_by(result.surfaces, DARKER_FAULT),
+                     variance_share=allowed_share(result.surfaces, (error_model.SAMPLE_PLANE,)))
 
 
-def _gloss(found: CaptureResult, code: str) -> Finding:
-    stated, surfaces = found.stated, found.surfaces
-    standing, known_by, error = _by_moved_lamp(found, GLOSS_FAULT, lambda one: one.gloss_error)
+def _gloss(result: CaptureResult, code: str) -> Finding:
+    stated, surfaces = result.stated, result.surfaces
+    standing, known_by, error = _by_moved_lamp(result, GLOSS_FAULT, lambda one: one.gloss_error)
     if standing is ASSUMED and stated.surfaces:
         standing, known_by = STATED, "surfaces-stated"
     elif error is None:
@@ -258,13 +258,13 @@ def _gloss(found: CaptureResult, code: str) -> Finding:
         names=list(stated.surfaces), usual=float(gloss.USUAL[gloss.SURFACE_WORDS[0]]))
 
 
-def _shadow(found: FlatResult) -> Finding:
-    standing, known_by, error = _by_moved_lamp(found, DARKER_FAULT, lambda one: one.level_error)
+def _shadow(result: FlatResult) -> Finding:
+    standing, known_by, error = _by_moved_lamp(result, DARKER_FAULT, lambda one: one.level_error)
     return condition("condition.shadow", standing, known_by, error=error, fault="dimmer",
-                     fault_size=DARKER_FAULT, lightness=darker_by(found.surfaces, DARKER_FAULT))
+                     fault_size=DARKER_FAULT, lightness=darker_by(result.surfaces, DARKER_FAULT))
 
 
-def _fluorescence(found: CaptureResult) -> Finding:
+def _fluorescence(result: CaptureResult) -> Finding:
     """Brighteners and other emission, which no photo tells from reflectance.
 
     Exciting light is absorbed on its way in as emitted light is on its way out, so that little
@@ -272,33 +272,33 @@ def _fluorescence(found: CaptureResult) -> Finding:
     """
     return condition("condition.fluorescence", ASSUMED, "no-photo", fault="emitted",
                      fault_size=EMITTED_FAULT, fault_nm=EMITTED_NM,
-                     b_star=largest_change(found.surfaces, emitted, B_STAR))
+                     b_star=largest_change(result.surfaces, emitted, B_STAR))
 
 
-def _linearity(found: CaptureResult) -> Finding:
-    greys = None if found.chart is None else exponent_of_greys(found.chart)
+def _linearity(result: CaptureResult) -> Finding:
+    greys = None if result.chart is None else exponent_of_greys(result.chart)
     ways = [way for held, way in ((greys is not None, "greys"),
-                                  (found.stated.bracket, "exposures"),
-                                  (found.stated.dark_frames, "dark-frames")) if held]
+                                  (result.stated.bracket, "exposures"),
+                                  (result.stated.dark_frames, "dark-frames")) if held]
     exponent, spread = greys or (None, None)
     error = None if exponent is None or spread is None else max(spread, abs(exponent - 1))
-    measured = bool(ways) and not found.processed
+    measured = bool(ways) and not result.processed
     fault = BENT_FAULT if error is None else 2 * error
     return condition(
         "condition.linearity", MEASURED if measured else ASSUMED,
-        "tone-curve" if found.processed else "exponent" if ways else "nothing", error=error,
+        "tone-curve" if result.processed else "exponent" if ways else "nothing", error=error,
         fault="bent", fault_size=fault, lightness=largest_change(
-            found.surfaces, lambda nm, mean: np.maximum(mean, 0) ** (1 + fault)),
+            result.surfaces, lambda nm, mean: np.maximum(mean, 0) ** (1 + fault)),
         ways=ways, exponent=exponent, exponent_error=spread)
 
 
-def _chart_copy(found: CaptureResult) -> tuple[Finding, ...]:
+def _chart_copy(result: CaptureResult) -> tuple[Finding, ...]:
     """Whether the chart is as its reference says; nothing without a chart."""
-    if found.chart is None:
+    if result.chart is None:
         return ()
-    copy, error = found.chart.copy, None
+    copy, error = result.chart.copy, None
     more: dict[str, Any] = {}
-    if found.stated.chart_measured:
+    if result.stated.chart_measured:
         standing, known_by = MEASURED, "own-reflectances"
     elif copy is not None:
         lightest = int(copy.reflectances.mean(axis=1).argmax())
@@ -307,63 +307,63 @@ def _chart_copy(found: CaptureResult) -> tuple[Finding, ...]:
         more = {"edition": copy.edition, "white": float(copy.level[lightest]), "nats": nats,
                 "told": edition_told(copy), "as_told": nats is not None and (nats > 0) == (
                     copy.edition == COPIES_SINCE_2014)}
-    elif found.stated.chart_stated:
+    elif result.stated.chart_stated:
         standing, known_by = STATED, "reference"
     else:
         standing, known_by = ASSUMED, "published"
     return (condition("condition.chart", standing, known_by, error=error, fault="other-copy",
-                      fault_size=COPY_FAULT, lightness=darker_by(found.surfaces, COPY_FAULT),
+                      fault_size=COPY_FAULT, lightness=darker_by(result.surfaces, COPY_FAULT),
                       **more),)
 
 
-def _camera(found: CaptureResult) -> Finding:
-    standing, known_by = (STATED, "curves") if found.stated.curves else \
-        (STATED, "curves-of-file") if found.chart is None else (MEASURED, "fitted")
+def _camera(result: CaptureResult) -> Finding:
+    standing, known_by = (STATED, "curves") if result.stated.curves else \
+        (STATED, "curves-of-file") if result.chart is None else (MEASURED, "fitted")
     return condition("condition.camera", standing, known_by,
-                     error=allowed_error(found.surfaces, CAMERA_CAUSES),
-                     variance_share=allowed_share(found.surfaces, CAMERA_CAUSES),
-                     source=found.stated.curves)
+                     error=allowed_error(result.surfaces, CAMERA_CAUSES),
+                     variance_share=allowed_share(result.surfaces, CAMERA_CAUSES),
+                     source=result.stated.curves)
 
 
-def _scene_light(found: SceneResult) -> Finding:
+def _scene_light(result: SceneResult) -> Finding:
     causes = (*BETWEEN_PHOTOS, error_model.KNOWN_SURFACES)
     standing, known_by = ASSUMED, "stated-errors"
-    if _tied_to_known(found) or not found.scale_from_chart:
+    if _tied_to_known(result) or not result.scale_from_chart:
         standing, known_by = MEASURED, "known-materials"
-    elif found.stated.chart_in_photo:
+    elif result.stated.chart_in_photo:
         standing, known_by = MEASURED, "chart-in-photo"
     return condition("condition.scene-light", standing, known_by,
-                     error=_common_error(found, causes), fault="dimmer", fault_size=DIMMER_FAULT,
-                     lightness=darker_by(found.surfaces, DIMMER_FAULT),
-                     variance_share=allowed_share(found.surfaces, causes),
-                     names=_known_materials(found))
+                     error=_common_error(result, causes), fault="dimmer", fault_size=DIMMER_FAULT,
+                     lightness=darker_by(result.surfaces, DIMMER_FAULT),
+                     variance_share=allowed_share(result.surfaces, causes),
+                     names=_known_materials(result))
 
 
-def _light_place(found: SceneResult) -> Finding:
-    tied = _tied_to_known(found) or not found.scale_from_chart
+def _light_place(result: SceneResult) -> Finding:
+    tied = _tied_to_known(result) or not result.scale_from_chart
     return condition("condition.light-place", MEASURED if tied else ASSUMED,
                      "known-materials" if tied else "as-stated",
-                     error=_common_error(found, PLACE_CAUSES), fault="dimmer",
-                     fault_size=DIMMER_FAULT, lightness=darker_by(found.surfaces, DIMMER_FAULT),
-                     variance_share=allowed_share(found.surfaces, PLACE_CAUSES),
-                     names=_known_materials(found))
+                     error=_common_error(result, PLACE_CAUSES), fault="dimmer",
+                     fault_size=DIMMER_FAULT, lightness=darker_by(result.surfaces, DIMMER_FAULT),
+                     variance_share=allowed_share(result.surfaces, PLACE_CAUSES),
+                     names=_known_materials(result))
 
 
-def _geometry(found: SceneResult) -> Finding:
-    if found.geometry is None:
+def _geometry(result: SceneResult) -> Finding:
+    if result.geometry is None:
         return condition("condition.geometry", STATED, "scene")
     return condition("condition.geometry", MEASURED, "estimated",
-                     names=[placement.what for placement in found.geometry.placements])
+                     names=[placement.what for placement in result.geometry.placements])
 
 
-def _tied_to_known(found: SceneResult) -> bool:
+def _tied_to_known(result: SceneResult) -> bool:
     """Whether surfaces of known spectrum in every photo tie its light."""
     return all(made.known_light is not None for made in
-               (found.reconstruction, *(view.reconstruction for view in found.views)))
+               (result.reconstruction, *(view.reconstruction for view in result.views)))
 
 
-def _known_materials(found: SceneResult) -> list[str]:
-    return [surface.name for surface in found.surfaces if surface.known]
+def _known_materials(result: SceneResult) -> list[str]:
+    return [surface.name for surface in result.surfaces if surface.known]
 
 
 # ---- what they cost ------------------------------------------------------------------------------
@@ -439,9 +439,9 @@ def _mirrored(surfaces: Sequence[SurfaceResult]) -> float | None:
     return max(shares, default=None)
 
 
-def _common_error(found: SceneResult, causes: Sequence[str]) -> float | None:
+def _common_error(result: SceneResult, causes: Sequence[str]) -> float | None:
     """Standard error of the light scale by these causes, in the photo where it is largest."""
-    scales = [found.light_scale, *(view.reconstruction.light_scale for view in found.views)]
+    scales = [result.light_scale, *(view.reconstruction.light_scale for view in result.views)]
     errors = [float(np.hypot.reduce([0.0, *(error.relative for error in scale.common_errors
                                             if error.cause in causes)])) for scale in scales]
     return max(errors) or None

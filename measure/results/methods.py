@@ -15,22 +15,22 @@ if TYPE_CHECKING:
     from spectrabox.measure.results.scene_result import SceneResult
 
 
-def flat_methods(found: FlatResult) -> list[str]:
+def flat_methods(result: FlatResult) -> list[str]:
     """Paragraphs of a measurement of flat samples."""
-    return [_capture(found, "Flat samples were"), _camera(found), _flat_light(found),
-            _sampling(found)]
+    return [_capture(result, "Flat samples were"), _camera(result), _flat_light(result),
+            _sampling(result)]
 
 
-def scene_methods(found: SceneResult) -> list[str]:
+def scene_methods(result: SceneResult) -> list[str]:
     """Paragraphs of a measurement of a scene."""
     scale = (f"The factor from rendered signal to the photo's signal, from "
-             f"{found.light_scale.source}, is {scale_words(found.light_scale)}.")
-    return [_capture(found, "The scene was"), f"{_camera(found)} {scale}", _reconstruction(found),
-            _sampling(found), _agreement(found)]
+             f"{result.light_scale.source}, is {scale_words(result.light_scale)}.")
+    return [_capture(result, "The scene was"), f"{_camera(result)} {scale}",
+            _reconstruction(result), _sampling(result), _agreement(result)]
 
 
-def _capture(found: CaptureResult, subject: str) -> str:
-    photo = found.photo
+def _capture(result: CaptureResult, subject: str) -> str:
+    photo = result.photo
     settings = [
         f"exposure {words.exposure(photo.exposure_s)}" if photo.exposure_s is not None else "",
         f"ISO {photo.iso:g}" if photo.iso is not None else "",
@@ -41,14 +41,14 @@ def _capture(found: CaptureResult, subject: str) -> str:
         f"{subject} photographed with "
         f"{photo.camera or 'a camera that the file does not name'} ({photo.kind.value}; "
         f"{stated}). Signals are linear and black-subtracted, without white balance, in "
-        f"{len(found.bands)} bands ({', '.join(found.bands)}); "
+        f"{len(result.bands)} bands ({', '.join(result.bands)}); "
         f"{words.percent(photo.clipped_share)} of the pixels were clipped and left out.")
 
 
-def _camera(found: CaptureResult) -> str:
-    fit = found.calibration.sensitivity
+def _camera(result: CaptureResult) -> str:
+    fit = result.calibration.sensitivity
     parts = [f"Camera sensitivities: {fit.method}."]
-    rms = root_mean_square(chart_residuals(found))
+    rms = root_mean_square(chart_residuals(result))
     if rms is not None:
         parts.append(f"The rms residual over the chart patches is {words.percent(rms)}.")
     held_out = root_mean_square(fit.held_out_residuals)
@@ -58,7 +58,7 @@ def _camera(found: CaptureResult) -> str:
             "rms.")
     if fit.condition_number is not None:
         parts.append(f"The condition number of the fit is {words.number(fit.condition_number, 3)}.")
-    light: Spectrum = found.calibration.light
+    light: Spectrum = result.calibration.light
     parts.append(f"Light spectrum: {light.source}.")
     return " ".join(parts)
 
@@ -72,14 +72,14 @@ def scale_words(scale: LightScale) -> str:
         f"{words.percent(scale.standard_error / abs(scale.value))})")
 
 
-def _reconstruction(found: SceneResult) -> str:
-    made = found.reconstruction
-    unknown = [material.name for material in found.surfaces if material.summary is not None]
-    given = [material.name for material in found.surfaces if material.summary is None]
+def _reconstruction(result: SceneResult) -> str:
+    made = result.reconstruction
+    unknown = [material.name for material in result.surfaces if material.summary is not None]
+    given = [material.name for material in result.surfaces if material.summary is None]
     spectra = f"reflectances of {words.listed(unknown)} were" if unknown else "no reflectance was"
     known = f"; {words.listed(given)} given" if given else ""
-    further = f" and {len(found.views)} more photo(s) in one fit " \
-              f"({words.listed([view.name for view in found.views])})" if found.views else ""
+    further = f" and {len(result.views)} more photo(s) in one fit " \
+              f"({words.listed([view.name for view in result.views])})" if result.views else ""
     nm = made.grid.nm
     return (f"By inverse rendering (engine: {made.engine}; {made.spp} samples per pixel, seed "
             f"{made.seed}), {spectra} found from {int(made.used.sum())} of {made.used.size} "
@@ -88,8 +88,8 @@ def _reconstruction(found: SceneResult) -> str:
             f"{texts.sentence(made.outcome.finding())}")
 
 
-def _sampling(found: CaptureResult) -> str:
-    drawn = [m for m in found.surfaces if m.samples is not None and m.summary is not None]
+def _sampling(result: CaptureResult) -> str:
+    drawn = [m for m in result.surfaces if m.samples is not None and m.summary is not None]
     if not drawn:
         return "No spectra were drawn: every material was given."
     methods = words.listed(sorted({m.samples.method for m in drawn if m.samples}))
@@ -104,23 +104,23 @@ def _sampling(found: CaptureResult) -> str:
             "class and on the stated errors of each signal.")
 
 
-def _agreement(found: SceneResult) -> str:
-    agreement = found.reconstruction.agreement
+def _agreement(result: SceneResult) -> str:
+    agreement = result.reconstruction.agreement
     worst = rules.worst_entry(agreement)
     if worst is None:
         return "No surface could be compared between photo and rendering."
     half, name = words.percent(rules.median_surface_error(agreement)), agreement.names[worst[0]]
     off = words.deviation_words(float(agreement.ratio[worst]))
-    return (f"Photo and rendering agree within {half} (worst of {len(found.bands)} bands, median "
+    return (f"Photo and rendering agree within {half} (worst of {len(result.bands)} bands, median "
             f"over {len(agreement.names)} surfaces); the worst surface is “{name}”, where the "
-            f"photo is {off} in band {found.bands[worst[1]]}.")
+            f"photo is {off} in band {result.bands[worst[1]]}.")
 
 
-def _flat_light(found: FlatResult) -> str:
-    errors = [error for photo in found.photos for _, error in photo.light.values()]
-    known = list(dict.fromkeys(name for photo in found.photos for name in photo.level_misfits))
+def _flat_light(result: FlatResult) -> str:
+    errors = [error for photo in result.photos for _, error in photo.light.values()]
+    known = list(dict.fromkeys(name for photo in result.photos for name in photo.level_misfits))
     given = f" Regions of known spectrum ({words.listed(known)}) corrected it." if known else ""
-    card = " The photos were divided by one of a white card." if found.by_flat_field else ""
+    card = " The photos were divided by one of a white card." if result.by_flat_field else ""
     return ("Signals of regions were divided by what a perfect white would read there: the white "
             "level and the quadratic light field of the chart fit, the field carried from the "
             "chart to the regions by regression over arrangements of lamps at unknown distances "

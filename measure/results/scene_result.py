@@ -77,20 +77,20 @@ class SceneResult(capture_result.CaptureResult):
         return scene_methods(self)
 
 
-def bsdf_reflectances(found: capture_result.CaptureResult, bsdfs: Mapping[str, str]
+def bsdf_reflectances(result: capture_result.CaptureResult, bsdfs: Mapping[str, str]
                       ) -> tuple[dict[str, np.ndarray], tuple[float, float]]:
     """Reflectance (P,) of every BSDF as renderers take it, 0 to 1, and the first and last
     wavelength: the mean of the draws of its material, or the given spectrum.
 
     Parameters
     ----------
-    found : CaptureResult
+    result : CaptureResult
         Of a scene.
     bsdfs : mapping
         From names of materials to ids.
     """
-    nm = found.grid.nm
-    return ({bsdfs[surface.name]: np.clip(surface.mean, 0, 1) for surface in found.surfaces},
+    nm = result.grid.nm
+    return ({bsdfs[surface.name]: np.clip(surface.mean, 0, 1) for surface in result.surfaces},
             (float(nm[0]), float(nm[-1])))
 
 

@@ -58,12 +58,12 @@ def comparison_rgb8(made: scenes.Reconstruction, fit: calibration.SensitivityFit
     return np.round(255 * strip).astype(np.uint8).repeat(enlarged, axis=0).repeat(enlarged, axis=1)
 
 
-def _stretched(made: scenes.Reconstruction, chosen: list[int]) -> tuple[np.ndarray, np.ndarray]:
+def _stretched(fit: scenes.Reconstruction, chosen: list[int]) -> tuple[np.ndarray, np.ndarray]:
     """Photo and rendering (H, W, 3) divided by white, stretched by one factor and encoded for the
     screen.
     """
-    photo, rendering = (image[..., chosen] / made.white_signal[chosen] for image in (made.measured,
-                                                                                     made.rendered))
+    photo, rendering = (image[..., chosen] / fit.white_signal[chosen] for image in (fit.measured,
+                                                                                     fit.rendered))
     seen = photo[np.isfinite(photo)]
     stretch = max(float(np.percentile(seen, 99)), 1e-12) if seen.size else 1.0
     return encode_srgb(np.nan_to_num(photo) / stretch), encode_srgb(np.nan_to_num(rendering)
@@ -127,10 +127,10 @@ def linked_photo(name: str, made: scenes.Reconstruction, fit: calibration.Sensit
     return plot.drawn("Photo", "The photo; each surface leads to the card of its material.")
 
 
-def residual_maps(made: scenes.Reconstruction) -> np.ndarray:
+def residual_maps(fit: scenes.Reconstruction) -> np.ndarray:
     """(photo - rendering) / photo (H, W, K), NaN where a pixel was not used."""
-    usable = made.used[..., None] & (made.measured > 0)
-    return np.where(usable, 1 - made.rendered / np.where(usable, made.measured, 1.0), np.nan)
+    usable = fit.used[..., None] & (fit.measured > 0)
+    return np.where(usable, 1 - fit.rendered / np.where(usable, fit.measured, 1.0), np.nan)
 
 
 def residual_limit(residuals: np.ndarray) -> float:
@@ -151,7 +151,7 @@ def _signed_percent(value: float) -> str:
 
 
 @svg.figure("the residuals")
-def residual_figure(name: str, made: scenes.Reconstruction, bands: tuple[str, ...]) -> Markup:
+def residual_figure(name: str, fit: scenes.Reconstruction, bands: tuple[str, ...]) -> Markup:
     """One signed residual map per band, all on one scale; pixels that were not used are hatched.
 
     Parameters
@@ -161,10 +161,10 @@ def residual_figure(name: str, made: scenes.Reconstruction, bands: tuple[str, ..
     bands : tuple of str
         K names.
     """
-    residuals = residual_maps(made)
+    residuals = residual_maps(fit)
     limit = residual_limit(residuals)
     columns = min(len(bands), 3 if len(bands) != 4 else 4)
-    panels, height = _panels(len(bands), columns, made.used.shape)
+    panels, height = _panels(len(bands), columns, fit.used.shape)
     plot = _sheet(name, height + 46)
     for k, (left, top, right, bottom) in enumerate(panels):
         used = np.isfinite(residuals[..., k])
@@ -193,18 +193,18 @@ def surface_colours(count: int) -> list[str]:
 
 
 @svg.figure("the surfaces")
-def surface_figure(name: str, made: scenes.Reconstruction) -> Markup:
+def surface_figure(name: str, fit: scenes.Reconstruction) -> Markup:
     """Surfaces in false colour, each with its number; pixels of none are grey."""
-    count, (height, width) = len(made.agreement.names), made.surface.shape
+    count, (height, width) = len(fit.agreement.names), fit.surface.shape
     size = 0.55 * WIDE
     plot = svg.Plot(name, size, _panel_height(size, height, width), (-0.5, width - 0.5),
                 (height - 0.5, -0.5), (0, 0, 0, 0))
     colours = np.array([pictures.rgb_of(colour) for colour in (UNUSED, *surface_colours(count))])
     plot.picture((-0.5, -0.5, width - 0.5, height - 0.5), pictures.pixels_data_uri(
-        colours[np.clip(made.surface, -1, count - 1) + 1]))
+        colours[np.clip(fit.surface, -1, count - 1) + 1]))
     for s in range(count):
-        if (made.surface == s).any():
-            row, column = _middle(made.surface == s)
+        if (fit.surface == s).any():
+            row, column = _middle(fit.surface == s)
             plot.words(column, row + 3.2 * width / size, str(s + 1), 9, rim="#fff")
     return plot.drawn("Surfaces", "Where each surface of the scene lies in the photo, numbered.")
 

@@ -45,11 +45,11 @@ def report_numbers(results: SessionResults) -> dict[str, Any]:
         }
 
 
-def scene_numbers(found: scene_result.SceneResult) -> dict[str, Any]:
+def scene_numbers(result: scene_result.SceneResult) -> dict[str, Any]:
     """What the report of a scene shows beside that."""
-    fit = found.reconstruction
+    fit = result.reconstruction
     return {
-        "materials": [_surface(surface) for surface in found.surfaces],
+        "materials": [_surface(surface) for surface in result.surfaces],
         "agreement": _agreement(fit.agreement),
         "views": [{"name": view.name, "bands": view.bands,
                    "agreement": _agreement(view.reconstruction.agreement),
@@ -57,24 +57,24 @@ def scene_numbers(found: scene_result.SceneResult) -> dict[str, Any]:
                                     "source"),
                    "light_scale": _fields(view.reconstruction.light_scale, "value",
                                           "standard_error", "source")}
-                  for view in found.views],
+                  for view in result.views],
         "reconstruction": {"engine": fit.engine, "spp": fit.spp, "seed": fit.seed,
                            "outcome": fit.outcome, "loss_history": fit.loss_history,
                            "pixels_used": int(fit.used.sum()),
                            "pixels": fit.used.size, "white_signal": fit.white_signal},
-        "geometry": None if found.geometry is None else _geometry(found.geometry),
+        "geometry": None if result.geometry is None else _geometry(result.geometry),
         }
 
 
-def flat_numbers(found: flat_result.FlatResult) -> dict[str, Any]:
+def flat_numbers(result: flat_result.FlatResult) -> dict[str, Any]:
     """What the report of flat samples shows beside that."""
     return {
-        "regions": [_surface(region) for region in found.surfaces],
+        "regions": [_surface(region) for region in result.surfaces],
         "photos": [{"name": photo.name, "size_px": photo.size_px, "outlines_px": photo.outlines,
                     "light": {name: {"level": level, "standard_error": error}
                               for name, (level, error) in photo.light.items()}}
-                   for photo in found.photos],
-        "light": calibration_facts.light_facts(found.calibration),
+                   for photo in result.photos],
+        "light": calibration_facts.light_facts(result.calibration),
         }
 
 
@@ -154,10 +154,10 @@ def _agreement(agreement: SurfaceAgreement) -> list[dict[str, Any]]:
             name in enumerate(agreement.names)]
 
 
-def _calibration(found: capture_result.CaptureResult,
+def _calibration(result: capture_result.CaptureResult,
                  truth: tuple[np.ndarray, np.ndarray] | None) -> dict[str, Any]:
-    calibration, light = found.calibration, found.calibration.light_posterior
-    residuals = chart_residuals(found)
+    calibration, light = result.calibration, result.calibration.light_posterior
+    residuals = chart_residuals(result)
     return {
         "sensitivity": _fields(calibration.sensitivity, "curves", "standard_error", "residuals",
                                "held_out_residuals", "condition_number", "method", "outcome"),
@@ -172,14 +172,14 @@ def _calibration(found: capture_result.CaptureResult,
         "chart_rms": root_mean_square(residuals),
         "held_out_rms": root_mean_square(calibration.sensitivity.held_out_residuals),
         "checks": calibration_facts.checks(calibration.findings),
-        **({} if found.light_scale is None else {"light_scale": _fields(
-            found.light_scale, "value", "standard_error", "residuals", "source")}),
+        **({} if result.light_scale is None else {"light_scale": _fields(
+            result.light_scale, "value", "standard_error", "residuals", "source")}),
         }
 
 
-def _chart(found: capture_result.CaptureResult,
+def _chart(result: capture_result.CaptureResult,
            chart: capture_result.ChartResult) -> dict[str, Any]:
-    swatches = spectra.swatch_pairs(found)
+    swatches = spectra.swatch_pairs(result)
     return {"swatches": None if swatches is None else swatches.numbers, "prior": _fields(
                 chart.prior, "share", "families", "probabilities"),
             "measured": chart.samples.mean, "standard_error": chart.samples.standard_error,

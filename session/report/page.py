@@ -184,17 +184,17 @@ class KindOfPage:
     files: tuple[tuple[str, str], ...] = ()     # beside the page, and what is in each
 
 
-def _flat_page(found: FlatResult, results: SessionResults,
+def _flat_page(result: FlatResult, results: SessionResults,
                links: Mapping[str, svg.MarkLink]) -> KindOfPage:
     """Photos with regions and light."""
     photos = [PhotoSection(photo, figures.photo_figure(
                                f"photo-{number}", photo, results.previews[photo.view], links),
                            figures.light_figure(f"light-map-{number}", photo),
                            _whiskers(photo))
-              for number, photo in enumerate(found.photos, start=1)]
-    return KindOfPage(scene=False, surfaces="Regions", numbers=flat_numbers(found),
+              for number, photo in enumerate(result.photos, start=1)]
+    return KindOfPage(scene=False, surfaces="Regions", numbers=flat_numbers(result),
                       sections={"photos": photos, "geometry": None},
-                      chart_overlay=all(photo.chart_px is None for photo in found.photos),
+                      chart_overlay=all(photo.chart_px is None for photo in result.photos),
                       pictures={})
 
 
@@ -205,25 +205,25 @@ def _whiskers(photo: PhotoOfRegions) -> dict[str, Markup]:
     return drawn if failed is None else dict.fromkeys(photo.light, svg.MissingDrawing(failed))
 
 
-def _scene_page(found: SceneResult, results: SessionResults,
+def _scene_page(result: SceneResult, results: SessionResults,
                 links: Mapping[str, svg.MarkLink]) -> KindOfPage:
     """Photo against rendering, geometry, convergence."""
-    fit = found.reconstruction
+    fit = result.reconstruction
     views = [(view, _agreement_section(f"-{number}", view.reconstruction, view.calibration,
                                        view.bands),
               light_figure(f"light-{number}", view.calibration.light,
                            view.calibration.light_posterior))
-             for number, view in enumerate(found.views, start=2)]
+             for number, view in enumerate(result.views, start=2)]
     return KindOfPage(
-        scene=True, surfaces="Materials", numbers=scene_numbers(found), sections={
-            "agreement": _agreement_section("", fit, found.calibration, found.bands), "surface_map":
-            maps.surface_figure("surfaces", fit), "views": views, "linked_photo":
-            maps.linked_photo("photo", fit, found.calibration.sensitivity, links), "geometry":
-            maps.geometry_section(found.geometry,
+        scene=True, surfaces="Materials", numbers=scene_numbers(result), sections={
+            "agreement": _agreement_section("", fit, result.calibration, result.bands),
+            "surface_map": maps.surface_figure("surfaces", fit), "views": views, "linked_photo":
+            maps.linked_photo("photo", fit, result.calibration.sensitivity, links), "geometry":
+            maps.geometry_section(result.geometry,
                                   results.previews), "loss": loss_figure("loss", fit.loss_history)
         }, chart_overlay=True,
         pictures={f"photo {view.name}": results.previews[view.name]
-                  for view in found.views}, files=(("materials.xml", "for Mitsuba"), ))
+                  for view in result.views}, files=(("materials.xml", "for Mitsuba"), ))
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,12 +270,12 @@ def _content(results: SessionResults, kind: KindOfPage, cards: list[Card]) -> di
         }
 
 
-def _files(found: CaptureResult, kind: KindOfPage) -> list[tuple[str, str]]:
+def _files(result: CaptureResult, kind: KindOfPage) -> list[tuple[str, str]]:
     """Files next to the page that hold the spectra, and what is in each."""
     files = [("spectra.csv", "means, bands and bounds"), ("materials.csv", "colours"),
              ("spdx/", "one IES TM-27 file a surface"), *kind.files]
-    if found.picture is not None:
-        files.append((f"{found.picture_folder}/{found.picture.files[0]}",
+    if result.picture is not None:
+        files.append((f"{result.picture_folder}/{result.picture.files[0]}",
                       "a spectrum for every pixel"))
     return files
 

@@ -30,9 +30,9 @@ class RenderedSurface:
     bands: list[tuple[float, float, bool]]      # ratio, spread, and whether it is off
 
 
-def rendered_surfaces(made: Reconstruction) -> list[RenderedSurface]:
+def rendered_surfaces(fit: Reconstruction) -> list[RenderedSurface]:
     """Every surface of a photo that was rendered."""
-    agreement, rows = made.agreement, []
+    agreement, rows = fit.agreement, []
     for index, colour in enumerate(surface_colours(len(agreement.names))):
         bands = [(float(ratio), float(spread), abs(float(ratio) - 1) > SURFACE_OFF)
                  for ratio, spread in zip(agreement.ratio[index], agreement.spread[index],
@@ -113,26 +113,27 @@ class ChartSection:
             self.chart.left_out)
 
 
-def chart_section(found: CaptureResult) -> ChartSection | None:
+def chart_section(result: CaptureResult) -> ChartSection | None:
     """Patches, residuals and irradiance of the chart photo; None where no chart was used."""
-    residuals, chart = chart_residuals(found), found.chart
-    swatches = swatch_pairs(found)
+    residuals, chart = chart_residuals(result), result.chart
+    swatches = swatch_pairs(result)
     if chart is None or residuals is None or swatches is None:
         return None
-    fit, prior, left_out = found.calibration.sensitivity, chart.prior, chart.left_out
+    fit, prior, left_out = result.calibration.sensitivity, chart.prior, chart.left_out
     prior_figure, families = None, []
     if prior is not None:
-        prior_figure = figures.prior_share_figure("prior-share", prior.share, fit.grid, found.bands)
+        prior_figure = figures.prior_share_figure("prior-share", prior.share, fit.grid,
+                                                  result.bands)
         families = list(zip(prior.families, prior.probabilities.tolist(), strict=True))
     return ChartSection(
         chart, _patches(chart, residuals, fit.held_out_residuals), swatches, prior_figure, families,
         figures.chart_residual_figure("chart-residuals", residuals, fit.held_out_residuals,
-                                      found.bands,
-                                      chart_findings.chart_limits(found.stated.chart_stated)[0]),
+                                      result.bands,
+                                      chart_findings.chart_limits(result.stated.chart_stated)[0]),
         chart_findings.root_mean_square(residuals),
         figures.irradiance_figure("irradiance", chart.irradiance, chart.layout.rows),
         [] if left_out is None else _patch_spectra(left_out, chart.layout.names),
-        chart_findings.chart_limits(found.stated.chart_stated)[0])
+        chart_findings.chart_limits(result.stated.chart_stated)[0])
 
 
 def _patch_spectra(patches: HeldOutPatches, names: tuple[str, ...]) -> list[PatchSpectrum]:
@@ -163,6 +164,6 @@ def _patches(chart: ChartResult, residuals: np.ndarray,
     return rows
 
 
-def held_out_rms(found: CaptureResult) -> float | None:
+def held_out_rms(result: CaptureResult) -> float | None:
     """Rms residual (a share) of patches left out of their own fit, None where nobody did that."""
-    return chart_findings.root_mean_square(found.calibration.sensitivity.held_out_residuals)
+    return chart_findings.root_mean_square(result.calibration.sensitivity.held_out_residuals)

@@ -265,7 +265,7 @@ class SwatchPairs:
                 "from_others": self.from_others, "order": [pair.patch for pair in self.pairs]}
 
 
-def swatch_pairs(found: capture_result.CaptureResult) -> SwatchPairs | None:
+def swatch_pairs(result: capture_result.CaptureResult) -> SwatchPairs | None:
     """Colours of every patch as photographed and as predicted, and how far they are apart.
 
     Predicted from the other patches, where the calibration left each out in turn: a fit would bend
@@ -278,15 +278,15 @@ def swatch_pairs(found: capture_result.CaptureResult) -> SwatchPairs | None:
     SwatchPairs or None
         None without a chart.
     """
-    residuals, chart = rules.chart_residuals(found), found.chart
+    residuals, chart = rules.chart_residuals(result), result.chart
     if chart is None or residuals is None:
         return None
-    held_out = found.calibration.sensitivity.held_out_residuals
+    held_out = result.calibration.sensitivity.held_out_residuals
     measured = chart.samples.mean
     predicted = measured * (1 - (residuals if held_out is None else held_out))
     difference = None
     if chart.left_out is None:
-        colours = _camera_colours(found, measured, predicted)
+        colours = _camera_colours(result, measured, predicted)
         off = np.abs(predicted / measured - 1).max(axis=1)
     else:
         patches = (measured, predicted, chart.left_out.reference, chart.left_out.grid)
@@ -301,8 +301,8 @@ def swatch_pairs(found: capture_result.CaptureResult) -> SwatchPairs | None:
         held_out is not None)
 
 
-def _camera_colours(found: capture_result.CaptureResult, measured: np.ndarray,
+def _camera_colours(result: capture_result.CaptureResult, measured: np.ndarray,
                     predicted: np.ndarray) -> list[np.ndarray]:
-    chosen = maps.display_bands(found.calibration.sensitivity)
+    chosen = maps.display_bands(result.calibration.sensitivity)
     white = np.nanmax(measured, axis=0)[chosen] / WHITE
     return [encode_srgb(signal[:, chosen] / white) for signal in (measured, predicted)]

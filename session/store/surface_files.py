@@ -129,13 +129,13 @@ MIN_SIGNAL = 1e-6  # signal under which a relative residual is not formed
 TABLE_COLUMNS = ("X", "Y", "Z", "ACEScg R", "ACEScg G", "ACEScg B")
 
 
-def write_surface_files(found: capture_result.CaptureResult, folder: Path,
+def write_surface_files(result: capture_result.CaptureResult, folder: Path,
                         title: str) -> list[Path]:
     """Write spectra.csv, materials.csv and spdx/ into a folder, each file whole or not at all.
 
     Parameters
     ----------
-    found : CaptureResult
+    result : CaptureResult
     folder : Path
     title : str
         Of the session, which the files name as their source.
@@ -145,7 +145,7 @@ def write_surface_files(found: capture_result.CaptureResult, folder: Path,
     list of Path
         Every file.
     """
-    texts = _texts(found, folder, title)
+    texts = _texts(result, folder, title)
     with writable(folder):
         (folder / "spdx").mkdir(exist_ok=True)
     for path, text in texts.items():
@@ -153,13 +153,13 @@ def write_surface_files(found: capture_result.CaptureResult, folder: Path,
     return [*texts]
 
 
-def write_materials(found: scene_result.SceneResult, folder: Path, bsdfs: Mapping[str, str],
+def write_materials(result: scene_result.SceneResult, folder: Path, bsdfs: Mapping[str, str],
                     scene: scene_file.SceneFile | None) -> Path:
     """Write materials.xml of a scene, for Mitsuba.
 
     Parameters
     ----------
-    found : SceneResult
+    result : SceneResult
     folder : Path
     bsdfs : mapping
         From names of materials to ids in the scene.
@@ -173,16 +173,17 @@ def write_materials(found: scene_result.SceneResult, folder: Path, bsdfs: Mappin
     """
     file = folder / "materials.xml"
     write_text_whole(
-        file, scene_xml.materials_xml(*scene_result.bsdf_reflectances(found, bsdfs), scene, folder))
+        file, scene_xml.materials_xml(*scene_result.bsdf_reflectances(result, bsdfs), scene,
+                                      folder))
     return file
 
 
-def write_comparisons(found: scene_result.SceneResult, folder: Path) -> list[Path]:
+def write_comparisons(result: scene_result.SceneResult, folder: Path) -> list[Path]:
     """Write photo, rendering and residual of every view of a scene: as EXR, and a PNG to look at.
 
     Parameters
     ----------
-    found : SceneResult
+    result : SceneResult
     folder : Path
 
     Returns
@@ -191,9 +192,9 @@ def write_comparisons(found: scene_result.SceneResult, folder: Path) -> list[Pat
         Every file.
     """
     files = []
-    views = [("comparison", found.reconstruction, found.calibration, found.bands)]
+    views = [("comparison", result.reconstruction, result.calibration, result.bands)]
     views += [(f"comparison {file_stem(view.name)}", view.reconstruction, view.calibration,
-               view.bands) for view in found.views]
+               view.bands) for view in result.views]
     for name, reconstruction, calibration, bands in views:
         files += [folder / f"{name}.exr", folder / f"{name}.png"]
         _write_comparison(files[-2], reconstruction, bands)
@@ -208,24 +209,24 @@ def _write_comparison(path: Path, of: scenes.Reconstruction, bands: tuple[str, .
     write_exr(path, np.concatenate(list(pictures.values()), axis=2), names)
 
 
-def _texts(found: capture_result.CaptureResult, folder: Path, title: str) -> dict[Path, str]:
+def _texts(result: capture_result.CaptureResult, folder: Path, title: str) -> dict[Path, str]:
     """Texts of spectra.csv, its metadata, materials.csv and each surface's spdx/NAME.spdx, by path.
     """
-    nm, table = found.grid.nm, folder / "spectra.csv"
-    columns = spectra_columns(found)
+    nm, table = result.grid.nm, folder / "spectra.csv"
+    columns = spectra_columns(result)
     stated = delimited.metadata_text(table.name, columns, quantity=spectra.Quantity.REFLECTANCE,
                            source=f"spectrabox, {title}")
     files = {table: delimited.plain_text(nm, columns), delimited.metadata_path(table): stated,
-             folder / "materials.csv": colours_text(found.surfaces)}
+             folder / "materials.csv": colours_text(result.surfaces)}
     return files | {folder / "spdx" / f"{file_stem(surface.name)}.spdx": tm27.spdx_text(
         nm, {surface.name: surface.mean}, quantity=spectra.Quantity.REFLECTANCE,
-        source=f"{surface.name}, {title}") for surface in found.surfaces}
+        source=f"{surface.name}, {title}") for surface in result.surfaces}
 
 
-def spectra_columns(found: capture_result.CaptureResult) -> dict[str, np.ndarray]:
+def spectra_columns(result: capture_result.CaptureResult) -> dict[str, np.ndarray]:
     """Mean, deviation, band and bounds (P,) of all recovered spectra, by the titles they get."""
     columns: dict[str, np.ndarray] = {}
-    for surface in found.surfaces:
+    for surface in result.surfaces:
         name, summary = surface.name, surface.summary
         if surface.spectrum is not None:
             columns[f"{name} inverse rendering"] = surface.spectrum

@@ -172,13 +172,15 @@ class MeasuredSpectra(SpectrumEstimates):
     >>> result.facts()["regions"][0]["band_width"]
     """
 
-    def __init__(self, found: CaptureResult, signals: SurfaceSignals) -> None:
-        super().__init__([dataclasses.replace(
-            surface, advise=partial(advice_of, found, surface.name)) for surface in found.surfaces])
-        self.found = found
+    def __init__(self, result: CaptureResult, signals: SurfaceSignals) -> None:
+        super().__init__([
+            dataclasses.replace(surface, advise=partial(advice_of, result, surface.name))
+            for surface in result.surfaces
+        ])
+        self.found = result
         self.signals = signals
-        self.calibration: Calibration = found.calibration
-        self.notes: tuple[str, ...] = tuple(found.warnings)
+        self.calibration: Calibration = result.calibration
+        self.notes: tuple[str, ...] = tuple(result.warnings)
 
     @property
     def verdict(self) -> str:
@@ -267,15 +269,15 @@ class MeasuredSpectra(SpectrumEstimates):
         return str(verdict) + super()._repr_html_()
 
 
-def advice_of(found: CaptureResult, name: str) -> tuple[Advice, ...]:
+def advice_of(result: CaptureResult, name: str) -> tuple[Advice, ...]:
     """What to do next of one surface.
 
     Parameters
     ----------
-    found : CaptureResult
+    result : CaptureResult
     name : str
         Of the surface.
     """
     # of advice that failed once more by itself: its error is what is known of it
-    of_all = found.advise() if found.failed_advice else found.advice
+    of_all = result.advise() if result.failed_advice else result.advice
     return of_all.by_surface.get(name, ())
