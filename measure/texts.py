@@ -205,6 +205,11 @@ CHART: dict[str, Text] = {
     "chart.blurred": Text(
         "Focus", "Edges are {blur:percent0} of a patch wide; at most {limit:percent0} is accepted.",
         "Focus on the chart.", "{blur:percent0}", "{limit:percent0}"),
+    "chart.moved": Text(
+        "Movement", "Edges are {blur:percent0} of a patch wide along the {along} of the chart and "
+        "{other:percent0} across them, as if camera or chart had moved; at most {limit:percent0} "
+        "is accepted.", "Use a tripod and a remote release, hold the chart still, and photograph "
+        "again.", "{blur:percent0}", "{limit:percent0}"),
     "chart.bands-lost": Text(
         "Clipping", "{subject}: {clipped} of {patches} patches are saturated ({names:listed}) in "
         "{bands:listed}, left out of the measurement.", "Halve the exposure to have them."),

@@ -127,7 +127,9 @@ def test_glare_is_named_with_its_patches(tmp_path):
 
 LIMITS = {"chart.dark": (lambda value: quality.dark(1 - value), 1 - quality.MIN_WHITE_SIGNAL),
           "chart.tilted": (quality.tilted, quality.MAX_TILT_DEG),
-          "chart.blurred": (quality.blurred, quality.MAX_BLUR),
+          "chart.blurred": (lambda value: quality.blurred(np.array([value, 0.2])),
+                            quality.MAX_BLUR),
+          "chart.moved": (lambda value: quality.blurred(np.array([0.1, value])), quality.MAX_BLUR),
           "chart.glare": (lambda value: quality.glaring(np.array([0, value]), "ab", 0.03), 0.03),
           "chart.glints": (lambda value: quality.glints(np.array([0, value]), "ab"),
                            quality.MAX_EXCLUDED),
@@ -145,6 +147,18 @@ def test_a_rule_finds_a_fault_beyond_its_limit_and_none_within(code):
     assert fault.code == code and faults([fault])
     # plain data, as JSON keeps it, and a text that its values fill
     assert json.loads(json.dumps(texts.facts(fault)))["remedy"]
+
+
+@pytest.mark.parametrize("axis, along", [(0, "columns"), (1, "rows")])
+def test_a_movement_is_told_from_a_photo_out_of_focus(tmp_path, axis, along):
+    from scipy.ndimage import uniform_filter1d
+    scene = uniform_filter1d(chart_scene(HEIGHT, WIDTH, SIGNALS, PLACE), 35, axis=axis)
+    image = open_photo(write_photo(tmp_path / "chart.dng", scene))
+    verdict = judge_chart(image, find_chart(image, TYPICAL_SIGNALS, PLACE), TYPICAL_SIGNALS)
+    values = faults_of(verdict)["chart.moved"]
+    # a movement by 35 px of 87: 80 % of it from 10 to 90 %; for the tolerance see below
+    assert values["blur"] == pytest.approx(0.8 * 35 / 87, abs=0.06)
+    assert values["along"] == along and values["other"] < 0.1
 
 
 def test_blur_and_tilt_are_measured(tmp_path):

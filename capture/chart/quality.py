@@ -44,6 +44,7 @@ MAX_EXCLUDED = 0.10              # of the samples of a patch
 MAX_TILT_DEG = 40.0              # beyond it paints are glossy
 # of a patch's side, 10 to 90 %: then 0.5 % of the frame's contrast reaches the sampled middle
 MAX_BLUR = 0.25
+MOVED = 2.0                      # times as wide as the others are edges along a movement
 MAX_MEAN_ERROR = 0.02            # of a patch's mean, or of a tenth of the brightest's: best band
 # of white, that a band of a camera holds of another band of an ordinary one: .09 on average of 40
 # cameras under lamps with and without lines, .19 at most (red of green)
@@ -66,7 +67,7 @@ class ChartVerdict:
     glare: float                     # largest white light added to a patch / white patch's signal
     veil: float                      # the same on all patches alike, not in ``glare``; 0 if small
     tilt_deg: float
-    blur: float                      # width of an edge, of the side of a patch
+    blur: float                      # width of edges that are widest, of the side of a patch
     pixels: int                      # samples of the smallest patch
 
     @property
@@ -118,12 +119,13 @@ def judge_chart(image: photos.LinearImage, detection: photos.ChartDetection, ref
                              lightest)
     white, pixels = float(samples.mean[lightest].max()), int(samples.pixels.min())
     tilt = tilt_deg(detection.corners_px, chart)
-    blur, names = edge_width(image, detection.corners_px, chart), chart.names
+    widths, names = edge_widths(image, detection.corners_px, chart), chart.names
+    blur = float(widths.max())
     processed = image.kind is photos.PhotoKind.PROCESSED
     findings = [*clipped(samples, names), *dark(white),
                 *([] if light_explained else uneven_light(agreement.light)), *veiled(veil),
                 *glaring(glare, names, MAX_PROCESSED_GLARE if processed else MAX_GLARE),
-                *tilted(tilt), *blurred(blur)]
+                *tilted(tilt), *blurred(widths)]
     if not processed:   # a camera that smooths and sharpens its photos: their noise says nothing
         findings += [*black_noisy(samples, darkest, white), *glints(excluded, names),
                      *small(samples, names)]
@@ -286,16 +288,23 @@ def tilted(tilt: float) -> list[Finding]:
         "tilt_deg": tilt, "limit_deg": MAX_TILT_DEG})] if tilt > MAX_TILT_DEG else []
 
 
-def blurred(blur: float) -> list[Finding]:
-    """Edges of patches that are too wide.
+def blurred(widths: np.ndarray) -> list[Finding]:
+    """Edges of patches that are too wide: out of focus where they are so in both directions, moved
+    where they are in one.
 
     Parameters
     ----------
-    blur : float
-        Width of an edge, of the side of a patch.
+    widths : (2,) array
+        Of edges above and below the chart, and of those at its sides, of the side of a patch.
     """
-    return [Finding("chart.blurred", Severity.WARN, values={"blur": blur, "limit": MAX_BLUR})] \
-        if blur > MAX_BLUR else []
+    blur, other = float(widths.max()), float(widths.min())
+    if blur <= MAX_BLUR:
+        return []
+    if blur <= MOVED * other:
+        return [Finding("chart.blurred", Severity.WARN, values={"blur": blur, "limit": MAX_BLUR})]
+    return [Finding("chart.moved", Severity.WARN, values={
+        "blur": blur, "other": other, "along": ("columns", "rows")[int(widths.argmax())],
+        "limit": MAX_BLUR})]
 
 
 def small(samples: photos.PatchSamples, names: Sequence[str]) -> list[Finding]:
@@ -346,7 +355,8 @@ def tilt_deg(quads_px: np.ndarray, chart: Chart = CLASSIC) -> float:
     return float(np.degrees(np.arccos(min(shortest / longest, 1.0))))
 
 
-def edge_width(image: photos.LinearImage, quads_px: np.ndarray, chart: Chart = CLASSIC) -> float:
+def edge_widths(image: photos.LinearImage, quads_px: np.ndarray,
+                chart: Chart = CLASSIC) -> np.ndarray:
     """Median width from 10 to 90 % of the outer edges of patches, in sides of a patch.
 
     Parameters
@@ -355,6 +365,12 @@ def edge_width(image: photos.LinearImage, quads_px: np.ndarray, chart: Chart = C
     quads_px : (I, 4, 2) array
         Of the patches in sensor pixels, in chart order.
     chart : Chart
+
+    Returns
+    -------
+    (2,) array
+        Of edges above and below the chart, and of those at its sides; of both where one has none,
+        and 1 where no edge is seen.
     """
     quads, centres = image_from_sensor(quads_px, image.sensor_step), chart_units(chart)
     picture_from_chart = homography(centres, quads.mean(axis=1))
@@ -366,7 +382,7 @@ def edge_width(image: photos.LinearImage, quads_px: np.ndarray, chart: Chart = C
     between = float(chart.centres[1, 0] - chart.centres[0, 0] - chart.sizes[0, 0])
     half_edge = min(HALF_EDGE, unit_scale(chart) * max(frame, between))
     grey = image.signal.sum(axis=2, dtype=float)
-    widths = []
+    widths: tuple[list[float], list[float]] = ([], [])
     for patch, outward in _outer_edges(chart):
         along = np.linspace(-half_edge, half_edge, PROFILE_POINTS)[:, None] * np.array(outward)
         sideways = np.linspace(-8, 8, 9)[:, None] * np.array([outward[1], outward[0]])
@@ -375,8 +391,10 @@ def edge_width(image: photos.LinearImage, quads_px: np.ndarray, chart: Chart = C
         x, y = np.moveaxis(projected[..., :2] / projected[..., 2:], -1, 0)
         width = _rise(map_coordinates(grey, (y, x), order=1, mode="nearest").mean(axis=1))
         if width is not None:
-            widths.append(width * 2 * half_edge / (PROFILE_POINTS - 1) / PATCH)
-    return float(np.median(widths)) if widths else 1.0
+            width *= 2 * half_edge / (PROFILE_POINTS - 1) / PATCH
+            widths[int(outward[0] != 0)].append(width)
+    every = [*widths[0], *widths[1]] or [1.0]
+    return np.array([np.median(some or every) for some in widths])
 
 
 def _outer_edges(chart: Chart) -> list[tuple[int, tuple[float, float]]]:
