@@ -113,19 +113,19 @@ class SpectrumEstimates(Mapping[str, Estimate]):
         """
         return estimate.to_csv(self, path)
 
-    def plot(self, axes: Axes | None = None) -> Axes:
+    def plot(self, ax: Axes | None = None) -> Axes:
         """Means and bands of all surfaces.
 
         Parameters
         ----------
-        axes : matplotlib Axes, optional
+        ax : matplotlib Axes, optional
             To draw into; new ones by default.
 
         Returns
         -------
         matplotlib Axes
         """
-        axes = plots.axes_for(axes, (6.6, 3.7))
+        axes = plots.axes_for(ax, (6.6, 3.7))
         for name, one in self._estimates.items():
             line, = axes.plot(one.nm, one.mean, label=name)
             axes.fill_between(one.nm, *one.band(), color=line.get_color(), alpha=0.15, lw=0)

@@ -109,7 +109,7 @@ class MeterReading:
         write_text_whole(in_folder(path), table_text(
             self.nm, columns, quantity=self.spectrum.quantity, source=self.spectrum.source))
 
-    def plot(self, axes: Axes | None = None) -> Axes:
+    def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the spectrum.
 
         Parameters
@@ -121,7 +121,7 @@ class MeterReading:
         -------
         Axes
         """
-        axes = axes_for(axes)
+        axes = axes_for(ax)
         axes.plot(self.nm, self.values, lw=1.2)
         axes.set(xlabel="wavelength (nm)", ylabel=self.quantity, title=self.spectrum.source)
         return axes
