@@ -33,7 +33,7 @@ from spectrabox.session.terminal.progress_display import StageProgress
 
 def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: list[str],
                   device: str, advice: dict[str, Any] | None = None
-                  ) -> tuple[dict[str, Any], str, list[Path], tuple[Finding, ...]]:
+                  ) -> tuple[dict[str, Any], str, str, list[Path], tuple[Finding, ...]]:
     """Write report, spectra, materials and pictures into the session folder.
 
     Parameters
@@ -51,8 +51,8 @@ def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: li
     -------
     facts : dict
         For scripts.
-    text : str
-        For a person.
+    brief, text : str
+        For a person: in short, and with all tables.
     files : list of Path
         All that were written.
     failed : tuple of Finding
@@ -82,7 +82,8 @@ def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: li
     named = [extras.facts(one) for one in found.failed_extras]
     notes = [f"note: {texts.says(one)}" for one in failed if extras.facts(one) not in named]
     facts = results.facts() | {"failed_extras": [extras.facts(one) for one in failed]}
-    return facts, "\n".join([results.text(), *notes]), files, failed
+    return (facts, "\n".join([results.found.brief(), *notes]),
+            "\n".join([results.text(), *notes]), files, failed)
 
 
 # ---- run outputs ---------------------------------------------------------------------------------
@@ -95,7 +96,8 @@ class RunOutputs:
     """Answers of a run."""
 
     facts: dict[str, Any]       # for scripts
-    text: str                   # for a person
+    brief: str                  # for a person
+    text: str                   # the same with all tables
     failed: tuple[Finding, ...] = ()    # what could not be made beside the answer; both name it
 
 
@@ -115,6 +117,7 @@ def kept_outputs(config: SessionConfig, finished: FinishedRun) -> RunOutputs | N
     report = {name: str(config.folder / stored.facts["facts"][name])
               for name in ("report", "spectra")}
     return RunOutputs({**stored.facts["facts"], **report, "stages": stages},
+                      f"{stored.facts['brief']}\nreport: {report['report']}",
                       f"{stored.facts['text']}\nreport: {report['report']}")
 
 
@@ -151,7 +154,7 @@ def rewritten_outputs(config: SessionConfig, finished: FinishedRun, command_line
     inputs = keys.InputFiles(config)
     key = _key(config, finished, inputs)
     with outputs_writer(config.folder):
-        facts, text, files, failed = write_outputs(config, finished, command_line, device,
+        facts, brief, text, files, failed = write_outputs(config, finished, command_line, device,
                                                    _kept_advice(config, key))
         inputs.require_unchanged(key["files"])
         require_results(finished, "spectrabox report")
@@ -159,8 +162,10 @@ def rewritten_outputs(config: SessionConfig, finished: FinishedRun, command_line
         names = {name: Path(facts[name]).name for name in ("report", "spectra")}
         with record_files.stage_folder(config.results_folder, STAGE) as folder:
             record_files.save_stage(folder, key, {}, 0.0,
-                       {"outputs": written, "facts": {**facts, **names}, "text": text})
-    return RunOutputs(facts, f"{text}\nreport: {facts['report']}", failed)
+                       {"outputs": written, "facts": {**facts, **names}, "brief": brief,
+                        "text": text})
+    end = f"report: {facts['report']}"
+    return RunOutputs(facts, f"{brief}\n{end}", f"{text}\n{end}", failed)
 
 
 def _kept_advice(config: SessionConfig, key: dict[str, Any]) -> dict[str, Any] | None:

@@ -248,14 +248,20 @@ class MeasuredSpectra(SpectrumEstimates):
         """
         return self.found.facts()
 
-    def text(self) -> str:
-        """What ``spectrabox run`` prints: a row for each surface, warnings, and the verdict.
+    def text(self, verbose: bool = True) -> str:
+        """What ``spectrabox run --verbose`` prints: a row for each condition and surface, notes,
+        and the verdict.
+
+        Parameters
+        ----------
+        verbose : bool
+            False for what it prints without: verdict, colours and what to do next.
 
         Returns
         -------
         str
         """
-        return self.found.text()
+        return self.found.text() if verbose else self.found.brief()
 
     def __repr__(self) -> str:
         return "\n".join([conditions.conditions_text(self.found.conditions), super().__repr__(),
