@@ -26,6 +26,7 @@ from spectrabox.measure.captured import FIRST_PHOTO
 from spectrabox.radiometry import checked_tables, files
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.photos import LinearImage
+from spectrabox.radiometry.spectra.given_spectra import typed_reflectance
 from spectrabox.radiometry.spectra.light_words import UNKNOWN
 from spectrabox.radiometry.spectra.spectrum_files import require_fraction
 from spectrabox.radiometry.system.words import file_stem
@@ -331,18 +332,6 @@ def known_file(word: str, name: str, folder: Path) -> str:
     files.write_text_whole(folder / file, "# quantity: reflectance\n" + "".join(
         ",".join(map(str, row)) + "\n" for row in (columns, *rows)))
     return file
-
-
-def typed_reflectance(word: str) -> tuple[float, ...]:
-    """A reflectance as people type it, 0.94 or 94%, and its standard error, if "+-" says one.
-
-    Raises
-    ------
-    ValueError
-        If it is none.
-    """
-    parts = [part.strip() for part in word.replace("±", "+-").split("+-", 1)]
-    return tuple(float(part[:-1]) / 100 if part.endswith("%") else float(part) for part in parts)
 
 
 def _digest(body: str) -> str:
