@@ -114,7 +114,7 @@ class MeterReading:
 
         Parameters
         ----------
-        axes : Axes, optional
+        ax : Axes, optional
             Of Matplotlib; new ones by default.
 
         Returns
