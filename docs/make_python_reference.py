@@ -15,7 +15,7 @@ REPOSITORY = PAGE.parents[2]
 GROUPS = {
     "From a photo": ["open_photo", "find_chart", "flat", "fit_camera", "reconstruct_scene"],
     "From signals": ["sample", "uplift", "match"],
-    "From a name": ["camera"],
+    "From a name": ["camera", "cameras", "lights"],
     "From an instrument": ["measure_spectrum"],
     "What to do next": ["advise"],
     "Sessions": ["Session"],

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
 COLOUR_DRAWS = 2000         # behind a colour's standard error, where no draws are held
 COLOUR_SEED = 1
 DRAWS_SHOWN = 30
+MITSUBA_NM = 360.0, 830.0  # that Mitsuba samples wavelengths from
 SHOWN_NM = 25               # between the wavelengths of a text
 CURVES = ("mean", "standard_deviation", "lower", "upper")
 BOUNDS = ("bound_lower", "bound_upper")
@@ -452,13 +453,13 @@ class Estimate:
             raise InputError(f"{self.name!r} was not estimated with the learnt prior")
         return signal_posterior.solve_posterior(self.prior, self.measurement)
 
-    def plot(self, axes: Axes | None = None, *,
+    def plot(self, ax: Axes | None = None, *,
              truth: given_spectra.KnownSpectrum | ArrayLike | None = None) -> Axes:
         """Draws, band, exact bounds and mean over wavelength, as in the report.
 
         Parameters
         ----------
-        axes : matplotlib Axes, optional
+        ax : matplotlib Axes, optional
             To draw into; new ones by default.
         truth : (P,) array, path, (nm, values) or Spectrum, optional
             A measured reflectance to compare with; by default that of the estimate, if it has one.
@@ -468,7 +469,7 @@ class Estimate:
         matplotlib Axes
         """
         from spectrabox.measure import plots  # Matplotlib takes a while to import
-        axes = plots.axes_for(axes, (6.6, 3.7))
+        axes = plots.axes_for(ax, (6.6, 3.7))
         truth = self.truth if truth is None else truth
         if self.given is not None:
             plots.plot_given(axes, self.nm, self.mean)
@@ -537,6 +538,23 @@ class Estimate:
         from colour import SpectralDistribution  # takes a second to import
         return SpectralDistribution(dict(zip(self.nm.tolist(), self.mean.tolist(), strict=True)),
                                     name=self.name)
+
+    def to_mitsuba(self) -> dict[str, str]:
+        """The mean as a spectrum of Mitsuba 3: a dictionary for ``mitsuba.load_dict``, by itself or
+        as the reflectance of a BSDF.
+
+        Returns
+        -------
+        dict
+            An ``irregular`` spectrum. Mitsuba takes a spectrum for 0 outside its wavelengths, so
+            the ends are carried on over 360 to 830 nm, of which the camera says nothing.
+        """
+        nm = np.concatenate([[min(MITSUBA_NM[0], self.nm[0] - 1)], self.nm,
+                             [max(MITSUBA_NM[1], self.nm[-1] + 1)]])
+        values = np.pad(np.clip(self.mean, 0, 1), 1, mode="edge")
+        return {"type": "irregular",
+                **{name: ", ".join(f"{number:.9g}" for number in numbers)
+                   for name, numbers in (("wavelengths", nm), ("values", values))}}
 
     def _repr_html_(self) -> str:
         from spectrabox.measure import plots

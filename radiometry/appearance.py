@@ -88,6 +88,21 @@ def signal_of_srgb(encoded: np.ndarray) -> np.ndarray:
     return np.asarray(decode_srgb(encoded) @ to_xyz.T / to_xyz.sum(axis=1))
 
 
+def rounding_of_srgb(encoded: np.ndarray) -> np.ndarray:
+    """How far rounding to 8 bits leaves ``signal_of_srgb`` open: standard errors (..., 3).
+
+    Parameters
+    ----------
+    encoded : (..., 3) array
+        0 to 1.
+    """
+    to_xyz = np.linalg.inv(TO_SRGB)
+    # an even distribution over one step of 8 bits
+    rounding = (decode_srgb(np.minimum(encoded + 0.5 / 255, 1))
+                - decode_srgb(np.maximum(encoded - 0.5 / 255, 0))) / np.sqrt(12)
+    return np.asarray(np.sqrt(rounding**2 @ (to_xyz**2).T) / to_xyz.sum(axis=1))
+
+
 def delta_e00(nm: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
     """CIEDE2000 difference of two reflectances under D65.
 

@@ -12,6 +12,8 @@ from .api.flat import FlatSpectra as FlatSpectra
 from .api.flat import flat as flat
 from .api.known_camera import KnownCamera as KnownCamera
 from .api.known_camera import camera as camera
+from .api.known_camera import cameras as cameras
+from .api.known_camera import lights as lights
 from .api.meter_reading import MeterReading as MeterReading
 from .api.meter_reading import measure_spectrum as measure_spectrum
 from .api.photo import ChartInPhoto as ChartInPhoto

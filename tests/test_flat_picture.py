@@ -242,7 +242,7 @@ def test_another_region_keeps_the_picture_and_the_report_shows_it(session):
     write_toml(session, WHOLE, more)
     finished = run(session)
     assert finished.states["picture"] == "kept" and finished.states["signals"] == "run"
-    facts, text, *_ = write_outputs(read_session(session), finished, ["spectrabox"], "cpu")
+    facts, _, text, *_ = write_outputs(read_session(session), finished, ["spectrabox"], "cpu")
     assert all((session / file).is_file() for file in facts["picture"]["files"])
     assert facts["picture"]["size_px"] == [END // 2, END // 2]
     assert "files in results/picture" in text

@@ -22,6 +22,7 @@ from spectrabox.capture.meter.measurement_series import (
     require_comparable,
     series_of,
     series_spectrum,
+    white_standard,
 )
 from spectrabox.measure import texts
 from spectrabox.radiometry.errors import CheckError, EnvironmentProblem, InputError
@@ -175,10 +176,15 @@ def spectrum(values, error=None, nm=NM):
     return Spectrum(grid_from_nm(nm), values, Quantity.RADIANCE, "test", error)
 
 
+def standard(value, error=0.0):
+    return Spectrum(grid_from_nm(NM), value + 0 * NM, Quantity.REFLECTANCE, "test", error + 0 * NM)
+
+
 def test_reflectance_is_the_ratio_to_the_white_and_does_not_see_the_light():
     truth = 0.2 + 0.5 * (NM > 550)
     for light in (np.ones(NM.size), 1 + np.sin(NM / 30) / 2):
-        curve = reflectance_from(spectrum(0.99 * truth / 0.99 * light), spectrum(light), 0.99, "x")
+        curve = reflectance_from(spectrum(0.99 * truth / 0.99 * light), spectrum(light),
+                                 standard(0.99), "x")
         # a ratio and a product: round-off
         np.testing.assert_allclose(curve.values, 0.99 * truth, rtol=1e-14)
         assert curve.quantity is Quantity.REFLECTANCE
@@ -187,20 +193,53 @@ def test_reflectance_is_the_ratio_to_the_white_and_does_not_see_the_light():
 def test_the_reflectances_standard_error_is_that_of_simulated_ratios():
     rng = np.random.default_rng(5)
     target, white = np.full(NM.size, 0.3), np.full(NM.size, 2.0)
-    curve = reflectance_from(spectrum(target, 0.003 + 0 * NM), spectrum(white, 0.01 + 0 * NM), 1.0,
-                             "x")
+    curve = reflectance_from(spectrum(target, 0.003 + 0 * NM), spectrum(white, 0.01 + 0 * NM),
+                             standard(1.0), "x")
     ratios = rng.normal(0.3, 0.003, 200_000) / rng.normal(2.0, 0.01, 200_000)
     # 200 000 draws give the spread to 0.16 %; first-order propagation leaves out terms of (0.5 %)
     # squared: 1 %.
     np.testing.assert_allclose(curve.standard_error, ratios.std(), rtol=0.01)
 
 
+def test_the_error_of_the_white_standard_is_in_every_wavelength():
+    target, white = np.linspace(0.1, 1.5, NM.size), np.full(NM.size, 2.0)
+    curve = reflectance_from(spectrum(target, 0 * NM), spectrum(white, 0 * NM),
+                             standard(0.98, 0.01), "x")
+    # the surface's error is relative to its own reflectance
+    np.testing.assert_allclose(curve.standard_error / curve.values, 0.01 / 0.98, rtol=1e-12)
+
+
+@pytest.mark.parametrize("word, value, error", [
+    (None, 0.99, 0.005), ("ptfe", 0.99, 0.005), ("Barium Sulphate", 0.975, 0.01),
+    ("0.985", 0.985, 0), ("98.5% +- 0.5%", 0.985, 0.005)])
+def test_a_white_standard_by_name_or_number(word, value, error):
+    white = white_standard(word)
+    np.testing.assert_allclose(white.values, value)
+    np.testing.assert_allclose(white.standard_error, error)
+
+
+def test_a_white_standard_of_a_certificate(tmp_path):
+    file = tmp_path / "certificate.csv"
+    file.write_text("# quantity: reflectance\nwavelength_nm,value,standard_error\n"
+                    "380,0.95,0.01\n580,0.99,0.004\n780,0.98,0.004\n")
+    curve = reflectance_from(spectrum(1 + 0 * NM, 0 * NM), spectrum(1 + 0 * NM, 0 * NM),
+                             white_standard(str(file)), "x")
+    np.testing.assert_allclose(curve.values, np.interp(NM, [380, 580, 780], [0.95, 0.99, 0.98]),
+                               atol=1e-9)
+    np.testing.assert_allclose(curve.standard_error,
+                               np.interp(NM, [380, 580, 780], [0.01, 0.004, 0.004]), atol=1e-9)
+    for wrong in ("tile", "12", "0.9+-0.8"):
+        with pytest.raises(InputError, match="PTFE"):
+            white_standard(wrong)
+
+
 def test_a_light_without_blue_cannot_give_a_reflectance_there():
     light = np.where(NM < 450, 1e-4, 1.0)
     with pytest.raises(CheckError, match="almost no light at 400 nm"):
-        reflectance_from(spectrum(light), spectrum(light), 1.0, "x")
+        reflectance_from(spectrum(light), spectrum(light), standard(1.0), "x")
     beyond = np.where(NM > 720, 1e-4, 1.0)
-    assert reflectance_from(spectrum(beyond), spectrum(beyond), 1.0, "x").grid.nm[-1] == 720
+    curve = reflectance_from(spectrum(beyond), spectrum(beyond), standard(1.0), "x")
+    assert curve.grid.nm[-1] == 720
 
 
 def by(serial_number, values, model="PR-655"):

@@ -265,3 +265,72 @@ def test_a_session_is_checked_run_and_read(finished):
 def test_an_image_without_pixels_is_refused():
     with pytest.raises(sb.InputError, match=r"shape \(0, 5, 3\)"):
         sb.uplift(np.zeros((0, 5, 3)), camera="Nikon 5100 (NPL)", light="D65")
+
+
+def test_a_region_of_a_photo_is_read_in_the_pixels_of_its_axes(demos, monkeypatch):
+    monkeypatch.chdir(demos)
+    photo = sb.open_photo("painting/photos/painting.dng")
+    rect = (986, 462, 1073, 537)
+    mean, error = photo.mean(rect), photo.standard_error(rect)
+    step = photo.image.sensor_step      # one entry of ``signal`` for each 2 x 2 cell
+    assert step == 2
+    x0, y0, x1, y1 = (round(at / step) for at in rect)
+    inside = photo.signal[y0:y1, x0:x1].reshape(-1, 3)
+    np.testing.assert_allclose(mean, inside.mean(axis=0), rtol=0.01)
+    # by the noise of its pixels: a plane is taken off, so this is at most the pixels' own scatter
+    assert np.all((error > 0) & (error < 1.2 * inside.std(axis=0) / np.sqrt(len(inside))))
+    np.testing.assert_allclose(photo.mean([(986, 462), (1073, 462), (1073, 537), (986, 537)]), mean,
+                               rtol=1e-6)
+    with pytest.raises(sb.InputError, match="x0, y0, x1, y1"):
+        photo.mean((1, 2, 3))
+    with pytest.raises(sb.InputError):
+        photo.mean((0, 0, 5000, 5000))
+
+
+def test_a_colour_of_a_screen_comes_back_in_every_form():
+    orange = sb.sample(srgb="#e08030")
+    np.testing.assert_allclose(255 * orange.srgb, [0xe0, 0x80, 0x30], atol=1.5)
+    same = sb.sample(srgb=[0xe0, 0x80, 0x30])
+    np.testing.assert_array_equal(same.mean, orange.mean)
+    exact = sb.sample(srgb=np.array([0xe0, 0x80, 0x30]) / 255)
+    np.testing.assert_allclose(exact.mean, orange.mean, atol=0.02)
+    # integers are known to half a step
+    assert np.all(orange.measurement.noise_covariance.diagonal() > 0)
+    many = sb.sample(srgb=[[224, 128, 48], [30, 60, 90]])
+    assert len(many) == 2
+    for wrong in ("#e0803", [1.5, 0.2, 0.1], [300, 1, 1], [0.1, 0.2]):
+        with pytest.raises(sb.InputError, match="srgb"):
+            sb.sample(srgb=wrong)
+    with pytest.raises(sb.InputError, match="D65"):
+        sb.sample(srgb="#e08030", light="A")
+    with pytest.raises(sb.InputError, match="one of"):
+        sb.sample(srgb="#e08030", lab=[50, 0, 0])
+
+
+def test_every_name_that_is_listed_is_taken():
+    assert {"Nikon D810", "Nikon 5100 (NPL)"} <= set(sb.cameras())
+    for name in sb.cameras():
+        assert sb.camera(name).name == name
+    assert {"D65", "A", "halogen", "unknown"} <= set(sb.lights())
+    from spectrabox.api.arguments import as_light
+    for name in sb.lights():
+        as_light(name)
+
+
+def test_plots_are_drawn_into_given_axes():
+    from matplotlib.figure import Figure
+    ax = Figure().subplots()
+    estimate = sb.sample(srgb="#808080")
+    assert estimate.plot(ax=ax) is ax
+    assert sb.camera("Nikon D810").plot(ax=ax) is ax
+
+
+def test_a_mean_is_a_spectrum_of_mitsuba(mitsuba):
+    estimate = sb.sample(srgb="#e08030")
+    spectrum = mitsuba.load_dict(estimate.to_mitsuba())
+    interaction = mitsuba.SurfaceInteraction3f()
+    for nm in (380, 400, 555, 700, 800):
+        interaction.wavelengths = [nm] * len(interaction.wavelengths)
+        assert np.ravel(spectrum.eval(interaction))[0] == pytest.approx(
+            np.interp(nm, estimate.nm, estimate.mean), abs=1e-4)
+    mitsuba.load_dict({"type": "diffuse", "reflectance": estimate.to_mitsuba()})

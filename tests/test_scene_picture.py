@@ -221,7 +221,7 @@ def test_pixels_at_edges_and_in_penumbra_have_no_spectrum(finished, scene):
 
 def test_the_report_shows_the_picture_and_why_pixels_are_missing(finished):
     folder, made = finished
-    said, _, _ = rewritten_outputs(read_session(folder), made, ["spectrabox"], "cpu")
+    said, *_ = rewritten_outputs(read_session(folder), made, ["spectrabox"], "cpu")
     facts = json.loads(json.dumps(said))["picture"]
     assert facts["size_px"] == [SIZE[1], SIZE[0]]
     assert any("penumbra" in words for words in facts["masked_because"])

@@ -17,11 +17,14 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import CheckError, InputError
+from spectrabox.radiometry.files import names_a_file
 from spectrabox.radiometry.findings import Finding, Severity, each_once
-from spectrabox.radiometry.grid import grid_from_nm
+from spectrabox.radiometry.grid import grid_from_nm, visible_grid
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum
+from spectrabox.radiometry.spectra.given_spectra import typed_reflectance
 from spectrabox.radiometry.spectra.readings import ReadingOutcome, ReadingSeries, SpectralReading
 from spectrabox.radiometry.spectra.spectrum_files import read_spectrum
+from spectrabox.radiometry.system.words import known_name
 
 POSSIBLE = (0.2, 5.0)       # a factor beyond is a spectrum of something else
 Maker = tuple[str, str]     # model and serial number
@@ -248,7 +251,48 @@ def series_summary(series: ReadingSeries, name: str) -> SeriesSummary:
         series.relative_drift_error if series.readings > 2 else None, series.findings)
 
 
-def reflectance_from(target: Spectrum, white: Spectrum, white_reflectance: float,
+# Reflectance over 400-700 nm of clean standards without a certificate, and its standard error, by
+# data sheets of their makers: sintered PTFE .985 to .993 and pressed barium sulphate .96 to .985.
+WHITE_STANDARDS = {"PTFE": (0.99, 0.005), "Spectralon": (0.99, 0.005),
+                   "barium sulphate": (0.975, 0.01)}
+
+
+def white_standard(word: str | None) -> Spectrum:
+    """What a white standard reflects, with its standard error.
+
+    Parameters
+    ----------
+    word : str or None
+        A name of ``WHITE_STANDARDS``; a reflectance such as 0.985, or 0.985+-0.005; a file of its
+        certificate. None for PTFE.
+
+    Raises
+    ------
+    InputError
+        If it is none of these, or no reflectance of a white standard.
+    """
+    known = known_name(word or "PTFE", WHITE_STANDARDS)
+    if known is not None:
+        value, error = WHITE_STANDARDS[known]
+        source = known if word else f"{known}, as nothing is stated"
+    else:
+        try:
+            value, error = (*typed_reflectance(word or ""), 0.0)[:2]
+        except ValueError:
+            if names_a_file(word or ""):
+                return read_spectrum(Path(word or ""), role=Quantity.REFLECTANCE)
+            value = error = np.nan
+        if not (0.01 <= value <= 1.1 and 0 <= error < 0.5):
+            raise InputError(f"--white-reflectance {word!r} is no white standard: give "
+                             f"{', '.join(WHITE_STANDARDS)}, a reflectance such as 0.985 or "
+                             "0.985+-0.005, or the file of its certificate")
+        source = f"{value:g} as stated"
+    grid = visible_grid(100)
+    return Spectrum(grid, np.full(grid.nm.size, value), Quantity.REFLECTANCE, source,
+                    np.full(grid.nm.size, error))
+
+
+def reflectance_from(target: Spectrum, white: Spectrum, standard: Spectrum,
                      source: str) -> Spectrum:
     """Reflectance of a surface: its radiance over that of a white standard in the same position.
 
@@ -256,8 +300,11 @@ def reflectance_from(target: Spectrum, white: Spectrum, white_reflectance: float
     ----------
     target, white : Spectrum
         Radiances of the surface and of the white standard, by one instrument in one position.
-    white_reflectance : float
-        Of the standard, about 0.99 for sintered PTFE.
+    standard : Spectrum
+        Reflectance of the standard, of which the ends are carried on; its standard error is in
+        that of every wavelength.
+    source : str
+        Stored with the spectrum.
 
     Raises
     ------
@@ -277,14 +324,17 @@ def reflectance_from(target: Spectrum, white: Spectrum, white_reflectance: float
                          "wavelengths between 400 and 700 nm below 2 % of its largest): a ratio "
                          "there is noise; use a light that covers 400-700 nm")
     keep = _run_around(usable, int(np.argmax(white.values)))
-    ratio = target.values[keep] / white.values[keep]
-    error = None
+    nm, ratio = target.grid.nm[keep], target.values[keep] / white.values[keep]
+    of_white = np.interp(nm, standard.grid.nm, standard.values)
+    error = None        # of single readings, which do not tell their noise
     if target.standard_error is not None and white.standard_error is not None:
-        error = white_reflectance * np.hypot(target.standard_error[keep] / white.values[keep],
-                                             ratio * white.standard_error[keep]
-                                             / white.values[keep])
-    return Spectrum(grid_from_nm(target.grid.nm[keep]), white_reflectance * ratio,
-                    Quantity.REFLECTANCE, source, error)
+        known_to = 0 if standard.standard_error is None else np.interp(
+            nm, standard.grid.nm, standard.standard_error)
+        error = np.sqrt((of_white * target.standard_error[keep] / white.values[keep]) ** 2
+                        + (of_white * ratio * white.standard_error[keep] / white.values[keep]) ** 2
+                        + (ratio * known_to) ** 2)
+    return Spectrum(grid_from_nm(nm), of_white * ratio, Quantity.REFLECTANCE,
+                    f"{source}; white standard: {standard.source}", error)
 
 
 def _run_around(usable: np.ndarray, index: int) -> slice:

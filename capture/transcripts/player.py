@@ -23,6 +23,7 @@ from typing import Any
 from spectrabox.capture.meter import measurement
 from spectrabox.capture.meter.instruments.cr30 import Cr30
 from spectrabox.capture.meter.instruments.drivers import driver_named
+from spectrabox.capture.meter.instruments.instrument_errors import InstrumentError
 from spectrabox.capture.meter.instruments.interface import Identity, MeterSettings
 from spectrabox.capture.meter.serial_line import Pace
 from spectrabox.capture.transcripts.cr30_traffic import cr30_traffic
@@ -369,12 +370,34 @@ def replay_transcript(transcript: Transcript, *, speed: float = 0.0,
     count = _count(transcript)
     with TranscriptPlayer(transcript, time_scale=scale, over_socket=over_socket) as player, \
             measurement.open_instrument(name, player.port, lambda direction, data: None,
-                                        pace) as meter:
+                                        pace) as meter, _ending_as_recorded(player, readings):
         identity = measurement.trusted_identity(meter)
         meter.settings(settings_of(transcript))
         for _ in range(count):
-            readings.append(measurement.take_reading(meter, identity, transcript=transcript.file))
+            readings.append(measurement.take_reading(meter, identity,
+                                                     transcript=transcript.file))
     return Played(name, "synthetic" in transcript.facts, tuple(readings), tuple(player.problems))
+
+
+@contextlib.contextmanager
+def _ending_as_recorded(player: TranscriptPlayer,
+                        readings: Sequence[SpectralReading]) -> Iterator[None]:
+    """A recording that ends while the driver waits says so: as a problem after readings, else as
+    the error.
+    """
+    try:
+        yield
+    except InstrumentError as error:
+        if not player.finished:
+            raise
+        asked = (player.obeyed or [b""])[-1].decode("ascii", "replace").strip()
+        ended = (f"the recording ends after {len(player.transcript.events)} lines, where the "
+                 f"driver waits for the reply to {asked!r}: it was cut, or the instrument went "
+                 "silent there")
+        if not readings:
+            raise InstrumentError(f"{player.transcript.file}: {ended}; no reading is whole") \
+                from error
+        player.problems.append(ended)
 
 
 def _replay_cr30(transcript: Transcript, speed: float, over_socket: bool) -> Played:

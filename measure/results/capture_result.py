@@ -1,15 +1,16 @@
 """What a measurement found, whatever was photographed; nothing here knows a folder or a file."""
 from __future__ import annotations
 
+import textwrap
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
-from spectrabox.measure import conditions, extras, rules, texts
+from spectrabox.measure import conditions, extras, rules, texts, words
 from spectrabox.measure.advice.advice import Advised
 from spectrabox.measure.advice.advise import advice_on_capture
 from spectrabox.measure.captured import Capture
@@ -42,6 +43,8 @@ from spectrabox.radiometry.records.photos import (
 )
 from spectrabox.radiometry.spectra.cameras import known_camera, known_camera_words
 from spectrabox.sampling.prior.mixture import load_prior, of_families
+
+SHOWN = 10      # surfaces of a short answer
 
 
 @dataclass(frozen=True)
@@ -213,6 +216,38 @@ class CaptureResult(ABC):
         lines += [f"note: {texts.says(one)}" for one in self.failed_extras]
         return "\n".join(filter(None, [*lines, self.verdict.line, self.advice.line]))
 
+    def brief(self) -> str:
+        """Verdict, colours and what to do next, in at most 24 lines of 80 letters."""
+        notes = len(self.warnings)
+        more = ["what the answer rests on",
+                *([f"{notes} note{'s' if notes > 1 else ''}"] if notes else [])]
+        lines = [*_wrapped(self.verdict.line, 5), "", *self._brief_table(), "",
+                 f"{words.listed(more)}: --verbose, or the report".capitalize()]
+        if self.picture is not None:
+            lines.append(f"picture: {self.picture_folder}")
+        lines += [f"note: {texts.says(one)}" for one in self.failed_extras]
+        return "\n".join([*lines, *_wrapped(self.advice.line, 3)])
+
+    def _brief_table(self) -> Iterator[str]:
+        scored = any(surface.scores is not None for surface in self.surfaces)
+        width = min(max(len(surface.name) for surface in self.surfaces), 24)
+        yield (f"{self.surface_word:<{width}}     L*     a*     b*  ΔE00 within  spectrum within"
+               + ("   RMSE" if scored else ""))
+        shown = self.surfaces if len(self.surfaces) <= SHOWN else self.surfaces[:SHOWN - 1]
+        for surface in shown:
+            name = surface.name if len(surface.name) <= width else surface.name[:width - 1] + "…"
+            row = f"{name:<{width}}" + "".join(f"{number:7.1f}" for number in surface.lab().value)
+            if surface.known:
+                row += "  as given"
+            elif surface.within is not None:
+                colour, spectrum = surface.within
+                row += f"{colour:13.1f}{spectrum:17.3f}"
+                if surface.scores is not None:
+                    row += f"{surface.scores.rmse_mean:7.3f}"
+            yield row
+        if len(shown) < len(self.surfaces):
+            yield f"... and {len(self.surfaces) - len(shown)} more: --verbose, or spectra.csv"
+
     def _table(self) -> str:
         estimated = [surface for surface in self.surfaces if not surface.known]
         headings, cells = columns(SURFACE_FACTS, estimated)
@@ -220,6 +255,10 @@ class CaptureResult(ABC):
         rows += [[surface.name, "given", *[""] * (len(headings) - 1)]
                  for surface in self.surfaces if surface.known]
         return text_table([self.surface_word, *(headings or [""])], rows, text=[self.surface_word])
+
+
+def _wrapped(sentence: str, lines: int) -> list[str]:
+    return textwrap.wrap(sentence, 80, max_lines=lines, placeholder=" ... (--verbose)")
 
 
 def common_findings(capture: Capture, records: CaptureRecords) -> dict[str, Any]:

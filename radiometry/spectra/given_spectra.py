@@ -32,6 +32,18 @@ Curves = tuple[ArrayLike, ArrayLike] | ColourScienceSpectra
 KnownSpectrum = str | Path | float | tuple[float, float] | Spectrum | Curves
 
 
+def typed_reflectance(word: str) -> tuple[float, ...]:
+    """A reflectance as people type it, 0.94 or 94%, and its standard error, if "+-" says one.
+
+    Raises
+    ------
+    ValueError
+        If it is none.
+    """
+    parts = [part.strip() for part in word.replace("±", "+-").split("+-", 1)]
+    return tuple(float(part[:-1]) / 100 if part.endswith("%") else float(part) for part in parts)
+
+
 def as_samples(given: object, name: str) -> tuple[np.ndarray, np.ndarray]:
     """Wavelengths (Q,) and values (Q,) or (K, Q) of arrays, or of a spectrum of colour-science.
 

@@ -116,7 +116,7 @@ def _run(task: Task) -> overview.Outcome:
                                        progress=quiet, shared=order.out / SHARED)
         # as 'run' has it: the command that makes these results again
         words = ["spectrabox", "run", task.folder.name, "--device", order.device]
-        facts, _, failed = outputs_of_run(config, finished, words, order.device, quiet)
+        facts, _, _, failed = outputs_of_run(config, finished, words, order.device, quiet)
         files = overview.input_states(config)
         photo = metadata.photo_metadata(config.path(config.all_views[0].photo_files[0]))
         preview = config.results_folder / "photo" / "preview.png"

@@ -36,6 +36,8 @@ from spectrabox.session.report.page import style_sheet, templates
 
 PHOTO, PAGE = "photo.tif", "archive.html"
 CHART_CHECK = "calibration.chart-colours"
+OF_ITS_OWN_CHART = ("These grades are of the chart that camera, light and profile were fitted to, "
+                    "which flatters the picture: they are no certificate")
 NOT_MEASURED = ("resolution and sharpening", "colour misregistration", "geometric distortion",
                 "reproduction scale", "gain modulation", "evenness on a card over the whole field")
 
@@ -132,6 +134,7 @@ def _text(facts: dict[str, Any], profile: ColourProfile) -> str:
         *(f"{one['name']}: {one['value']:.3g} {one['unit']}"
           + "".join(f"; {guideline}: {grade}" for guideline, grade in one["grades"].items())
           for one in facts["archive"]),
+        OF_ITS_OWN_CHART,
         f"{facts['clipped']:.2%} of the pixels lie outside {facts['space']} or above white and are "
         "clipped", *(f"wrote {path}" for path in facts["files"])])
 

@@ -114,6 +114,7 @@ def flat(
         typer.
         Option(metavar="DIR", help="The session folder; beside the photo and named after it by "
                "default.")] = None,
+    verbose: command_line.Verbose = False,
     quiet: command_line.Quiet = False,
 ) -> command_line.Answer:
     """Measure spectra of flat samples in photos that show a colour chart."""
@@ -142,7 +143,7 @@ def flat(
         of_photo = tables_of_photo(photo, chart=chart, flat=flat_field, orientation=orientation,
                                    not_linear=not_linear or None)
         with new_session(of_photo | tables, session) as folder:
-            answer = run_session(folder, device="not needed", quiet=quiet,
+            answer = run_session(folder, device="not needed", verbose=verbose, quiet=quiet,
                                  words=["spectrabox", "flat", photo.stem])
         return command_line.Answer(
             {**answer.facts, "seconds": round(time.perf_counter() - start, 3)}, answer.text,

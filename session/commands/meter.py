@@ -98,8 +98,10 @@ def measure(
         help="Readings that the instrument averages; its own setting by default.")] = None,
     sync_hz: Annotated[float | None, typer.Option(
         min=10, help="Flicker frequency of the light.")] = None,
-    white_reflectance: Annotated[float, typer.Option(
-        min=0.01, max=1.1, help="Reflectance of the white standard.")] = 1.0,
+    white_reflectance: Annotated[str | None, typer.Option(
+        metavar="NAME|R|FILE", show_default=False, help="What the white standard reflects: PTFE, "
+        "Spectralon, barium sulphate; 0.985 or 0.985+-0.005; or the file of its certificate. "
+        "PTFE, 0.99 +- 0.005, where nothing is stated.")] = None,
     calibration: Annotated[tuple[str, ...], typer.Option(
         metavar="SERIAL=FILE", help="Factors of an instrument by wavelength; of each, where "
         "readings of several are to be compared.")] = (),
@@ -120,7 +122,7 @@ def measure(
     command_line.check_ending(plot, {".png": "a picture of the spectrum"}, "--plot")
     from spectrabox.capture.meter.instruments.interface import MeterSettings
     from spectrabox.capture.meter.measurement_files import claim
-    from spectrabox.capture.meter.measurement_series import read_calibration
+    from spectrabox.capture.meter.measurement_series import read_calibration, white_standard
     from spectrabox.session.meters.measuring import Task, measure_all, series_of_all, write_result
     chart = _chart(role, layout)
     names = _names(role, name, chart)
@@ -128,6 +130,7 @@ def measure(
     source = _source(port, instrument, program, ambient, wanted)
     reflects = _reflects(instrument, role)
     factors = [read_calibration(text) for text in calibration]
+    standard = white_standard(white_reflectance)
     task = Task(folder / "spectra", role, names, repeat,
                 wait and (reflects or role == "chart"), calibrate, chart)
     if reflects and calibrate and not wait:
@@ -138,7 +141,7 @@ def measure(
     if again:
         _set_aside(task.spectra, names)
     readings = measure_all(task, source, factors)
-    written, spectrum = write_result(task, white_reflectance, factors)
+    written, spectrum = write_result(task, factors, standard)
     series = series_of_all(task, factors)
     if plot is not None:
         from spectrabox.capture.meter.measurement_files import png_plot
@@ -157,7 +160,8 @@ def replay(
     out: Annotated[Path | None, typer.Option(
         "--out", "-o", metavar="CSV", help="Where to write the spectra that it reads, a column "
         "each.")] = None,
-    draw: Drawn = False,
+    draw: Annotated[bool, typer.Option(
+        "--draw/--no-draw", help="Draw the last spectrum in the terminal.")] = True,
     plot: Png = None,
 ) -> command_line.Answer:
     """Play a recorded transcript to the driver's own code and show what it reads."""

@@ -1,14 +1,15 @@
 """Commands that work on a session folder, and the demo and doctor."""
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from spectrabox.radiometry.errors import EnvironmentProblem, InputError
+from spectrabox.radiometry.errors import CheckError, EnvironmentProblem, InputError
 from spectrabox.session.commands.finished import finished_session
 from spectrabox.session.terminal import command_line
 
@@ -38,6 +39,7 @@ def demo(
         "--picture", help="A box with painted patterns: a spectrum for every pixel.")] = False,
     seed: Annotated[int, typer.Option(help="Random seed of the synthetic photos.")] = 1,
     device: command_line.Device = "auto",
+    verbose: command_line.Verbose = False,
 ) -> command_line.Answer:
     """Make a synthetic capture session with known truth, run it, write its report."""
     if flat and picture:
@@ -47,7 +49,7 @@ def demo(
     folder = folder or Path(f"demo-{kind}")
     {"flat": make_flat_demo, "picture": make_picture_demo,
      "session": make_demo}[kind](folder, seed)
-    return run_session(folder, device=device)
+    return run_session(folder, device=device, verbose=verbose)
 
 
 @command_line.Command
@@ -111,11 +113,12 @@ def run(
         metavar="STAGE", help="Run up to this stage, and write no report.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Run also what is up to date.")] = False,
     device: command_line.Device = "auto",
+    verbose: command_line.Verbose = False,
     quiet: command_line.Quiet = False,
 ) -> command_line.Answer:
     """Run every stage whose inputs changed, and write the report."""
     return run_session(folder, allow_outside, only=only, until=until, force=force, device=device,
-                       quiet=quiet)
+                       verbose=verbose, quiet=quiet)
 
 
 @command_line.Command
@@ -217,8 +220,8 @@ def report(folder: command_line.Folder,
     from spectrabox.measure import texts
     from spectrabox.session.outputs.run_outputs import rewritten_outputs
     config, finished, stale = finished_session(folder, allow_outside)
-    facts, _, failed = rewritten_outputs(config, finished, ["spectrabox", "report"],
-                                         "stored results")
+    facts, _, _, failed = rewritten_outputs(config, finished, ["spectrabox", "report"],
+                                            "stored results")
     report = facts["report"]
     return command_line.Answer({"report": report, "stale": stale,
                    "failed_extras": facts["failed_extras"]},
@@ -246,12 +249,13 @@ def doctor(device: command_line.Device = "auto") -> command_line.Answer:
 
 def run_session(folder: Path, allow_outside: bool = False, *, only: str | None = None,
                 until: str | None = None, force: bool = False, device: str = "auto",
-                quiet: bool = False, words: list[str] | None = None) -> command_line.Answer:
+                verbose: bool = False, quiet: bool = False,
+                words: list[str] | None = None) -> command_line.Answer:
     """Run the stages of a session that are asked for, and write its report after the last.
 
     Parameters
     ----------
-    folder, allow_outside, only, until, force, device, quiet
+    folder, allow_outside, only, until, force, device, verbose, quiet
         As the options of ``spectrabox run``.
     words : list of str, optional
         The command as the operator could type it again, for the report; that of ``run`` by default.
@@ -282,9 +286,9 @@ def run_session(folder: Path, allow_outside: bool = False, *, only: str | None =
             progress_display(quiet) as show:
         progress = with_time_left(show)
         all_of_them = wanted == [None] and after is None and not force
-        kept = kept_run(config, progress) if all_of_them else None
-        finished = kept or _finished_run(
-            config, wanted, after, device, force, progress)
+        with _with_all_faults(config):
+            kept = kept_run(config, progress) if all_of_them else None
+            finished = kept or _finished_run(config, wanted, after, device, force, progress)
         if wanted[-1] not in (None, "sample") or after is not None:
             seconds = {stage: finished.stored[stage].seconds
                        for stage in (wanted if after is None else finished.stored) if stage}
@@ -296,8 +300,8 @@ def run_session(folder: Path, allow_outside: bool = False, *, only: str | None =
                              for stage, taken in seconds.items()),
                            "run without --only and --until for the report"]))
         finished = load_finished(config) if only is not None else finished
-        facts, text, failed = outputs_of_run(config, finished, words, device, progress)
-    return command_line.Answer(facts, text, failed=failed)
+        facts, brief, text, failed = outputs_of_run(config, finished, words, device, progress)
+    return command_line.Answer(facts, text if verbose else brief, failed=failed)
 
 
 def _finished_run(config: SessionConfig, wanted: Sequence[str | None], before: str | None,
@@ -308,3 +312,16 @@ def _finished_run(config: SessionConfig, wanted: Sequence[str | None], before: s
         finished = run_stages(config, device=device, only=stage, force=force,
                               progress=progress, before=before)
     return finished
+
+
+@contextlib.contextmanager
+def _with_all_faults(config: SessionConfig) -> Iterator[None]:
+    """Where an input is at fault, everything that ``check`` finds is said with it."""
+    try:
+        yield
+    except (InputError, CheckError) as error:
+        from spectrabox.session.problems import check_session
+        first = str(error).splitlines()
+        others = [each.sentence for each in check_session(config.folder,
+                                                          config.allow_outside).problems]
+        raise type(error)("\n".join(dict.fromkeys([*first, *others]))) from error

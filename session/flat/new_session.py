@@ -24,7 +24,7 @@ from spectrabox.capture.photo import image_files, preview
 from spectrabox.measure.captured import FIRST_PHOTO
 from spectrabox.radiometry import checked_tables, errors, files
 from spectrabox.radiometry.records.photos import LinearImage
-from spectrabox.radiometry.spectra import light_words, spectrum_files
+from spectrabox.radiometry.spectra import given_spectra, light_words, spectrum_files
 from spectrabox.radiometry.system.words import file_stem
 from spectrabox.session.config import session_file, template
 
@@ -321,7 +321,7 @@ def known_file(word: str, name: str, folder: Path) -> str:
         If a number is no reflectance, or the file is missing.
     """
     try:
-        numbers = typed_reflectance(word)
+        numbers = given_spectra.typed_reflectance(word)
     except ValueError:
         return _copied(Path(word), folder, "spectra")
     for number in numbers:
@@ -332,18 +332,6 @@ def known_file(word: str, name: str, folder: Path) -> str:
     files.write_text_whole(folder / file, "# quantity: reflectance\n" + "".join(
         ",".join(map(str, row)) + "\n" for row in (columns, *rows)))
     return file
-
-
-def typed_reflectance(word: str) -> tuple[float, ...]:
-    """A reflectance as people type it, 0.94 or 94%, and its standard error, if "+-" says one.
-
-    Raises
-    ------
-    ValueError
-        If it is none.
-    """
-    parts = [part.strip() for part in word.replace("±", "+-").split("+-", 1)]
-    return tuple(float(part[:-1]) / 100 if part.endswith("%") else float(part) for part in parts)
 
 
 def _digest(body: str) -> str:

@@ -29,17 +29,17 @@ USES = {"light": "name it in session.toml, or give it with --light",
 
 
 def write_result(
-        task: Task, white_reflectance: float,
-        calibrations: Sequence[measurement_series.MeterCalibration]) -> tuple[Path, Spectrum]:
+        task: Task, calibrations: Sequence[measurement_series.MeterCalibration],
+        standard: Spectrum | None = None) -> tuple[Path, Spectrum]:
     """Write the mean, or the reflectance where a white standard was measured; gives the file and
     one spectrum.
 
     Parameters
     ----------
     task : Task
-    white_reflectance : float
-        Of the white standard.
     calibrations : sequence of MeterCalibration
+    standard : Spectrum, optional
+        Reflectance of the white standard; sintered PTFE by default.
 
     Raises
     ------
@@ -70,7 +70,8 @@ def write_result(
     if white:
         divisor = mean("white", white)
         results = [
-            measurement_series.reflectance_from(result, divisor, white_reflectance, result.source)
+            measurement_series.reflectance_from(
+                result, divisor, standard or measurement_series.white_standard(None), result.source)
             for result in results
         ]
     path = measurement_files.result_file(task.spectra, task.role, task.names[0],

@@ -100,7 +100,7 @@ class PageMeter:
         measurement_files.store_reading(measurement_files.readings_folder(self._spectra, stem),
                                         reading)
         path, _ = measuring.write_result(
-            measuring.Task(self._spectra, "paint", (stem,), 1, False, False), 1.0, ())
+            measuring.Task(self._spectra, "paint", (stem,), 1, False, False), ())
         return {"file": f"{self._spectra.name}/{path.name}", "lab": reading.lab,
                 "flags": [texts.says(finding) for finding in reading.findings],
                 "findings": [texts.facts(finding) for finding in reading.findings]}

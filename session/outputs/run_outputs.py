@@ -27,7 +27,7 @@ from spectrabox.session.terminal.progress_display import StageProgress
 
 def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: list[str],
                   device: str, advice: dict[str, Any] | None = None
-                  ) -> tuple[dict[str, Any], str, list[Path], tuple[findings.Finding, ...]]:
+                  ) -> tuple[dict[str, Any], str, str, list[Path], tuple[findings.Finding, ...]]:
     """Write report, spectra, materials and pictures into the session folder.
 
     Parameters
@@ -45,8 +45,8 @@ def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: li
     -------
     facts : dict
         For scripts.
-    text : str
-        For a person.
+    brief, text : str
+        For a person: in short, and with all tables.
     files : list of Path
         All that were written.
     failed : tuple of Finding
@@ -75,7 +75,8 @@ def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: li
     named = [extras.facts(one) for one in found.failed_extras]
     notes = [f"note: {texts.says(one)}" for one in failed if extras.facts(one) not in named]
     facts = results.facts() | {"failed_extras": [extras.facts(one) for one in failed]}
-    return facts, "\n".join([results.text(), *notes]), files, failed
+    return (facts, "\n".join([results.found.brief(), *notes]),
+            "\n".join([results.text(), *notes]), files, failed)
 
 
 # ---- run outputs ---------------------------------------------------------------------------------
@@ -83,8 +84,9 @@ def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: li
 STAGE = "report"
 
 
-# Facts for scripts, text for a person, and what could not be made beside them, which both name.
-Outputs = tuple[dict[str, Any], str, tuple[findings.Finding, ...]]
+# Facts for scripts, a text for a person in short and with all tables, and what could not be made
+# beside them, which all name.
+Outputs = tuple[dict[str, Any], str, str, tuple[findings.Finding, ...]]
 
 
 def kept_outputs(config: SessionConfig, finished: FinishedRun) -> Outputs | None:
@@ -102,8 +104,9 @@ def kept_outputs(config: SessionConfig, finished: FinishedRun) -> Outputs | None
               for name, stage in finished.stored.items()]
     report = {name: str(config.folder / stored.facts["facts"][name])
               for name in ("report", "spectra")}
+    end = f"report: {report['report']}"
     return ({**stored.facts["facts"], **report, "stages": stages},
-            f"{stored.facts['text']}\nreport: {report['report']}", ())
+            f"{stored.facts['brief']}\n{end}", f"{stored.facts['text']}\n{end}", ())
 
 
 def outputs_of_run(config: SessionConfig, finished: FinishedRun, command_line: list[str],
@@ -139,7 +142,7 @@ def rewritten_outputs(config: SessionConfig, finished: FinishedRun, command_line
     inputs = keys.InputFiles(config)
     key = _key(config, finished, inputs)
     with locks.outputs_writer(config.folder):
-        facts, text, files, failed = write_outputs(config, finished, command_line, device,
+        facts, brief, text, files, failed = write_outputs(config, finished, command_line, device,
                                                    _kept_advice(config, key))
         inputs.require_unchanged(key["files"])
         require_results(finished, "spectrabox report")
@@ -147,8 +150,10 @@ def rewritten_outputs(config: SessionConfig, finished: FinishedRun, command_line
         names = {name: Path(facts[name]).name for name in ("report", "spectra")}
         with record_files.stage_folder(config.results_folder, STAGE) as folder:
             record_files.save_stage(folder, key, {}, 0.0,
-                       {"outputs": written, "facts": {**facts, **names}, "text": text})
-    return facts, f"{text}\nreport: {facts['report']}", failed
+                       {"outputs": written, "facts": {**facts, **names}, "brief": brief,
+                        "text": text})
+    end = f"report: {facts['report']}"
+    return facts, f"{brief}\n{end}", f"{text}\n{end}", failed
 
 
 def _kept_advice(config: SessionConfig, key: dict[str, Any]) -> dict[str, Any] | None:

@@ -79,7 +79,7 @@ class SessionResults:
                                      if stage.state == "run"))}
 
     def text(self) -> str:
-        """The same for a person."""
+        """The same for a person, with all tables; ``found.brief`` is its beginning."""
         return self.found.text(self.name)
 
 

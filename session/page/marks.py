@@ -16,9 +16,10 @@ from tomlkit.exceptions import TOMLKitError
 from spectrabox.radiometry import checked_tables
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import write_text_whole
+from spectrabox.radiometry.spectra.given_spectra import typed_reflectance
 from spectrabox.radiometry.system.words import shortened
 from spectrabox.session.config import session_file
-from spectrabox.session.flat.new_session import known_file, typed_reflectance
+from spectrabox.session.flat.new_session import known_file
 from spectrabox.session.page.photo_views import PhotoViews
 from spectrabox.session.page.written_session import Pixel, mark_faults
 

@@ -130,12 +130,8 @@ def srgb_signal(text: str) -> tuple[np.ndarray, np.ndarray]:
     ------
     InputError
     """
-    values, to_xyz = srgb_values(text), np.linalg.inv(appearance.TO_SRGB)
-    # an even distribution over one step of 8 bits
-    rounding = (appearance.decode_srgb(np.minimum(values + 0.5, 255) / 255)
-                - appearance.decode_srgb(np.maximum(values - 0.5, 0) / 255)) / np.sqrt(12)
-    return appearance.signal_of_srgb(values
-                                     / 255), np.sqrt(to_xyz**2 @ rounding**2) / to_xyz.sum(axis=1)
+    encoded = srgb_values(text) / 255
+    return appearance.signal_of_srgb(encoded), appearance.rounding_of_srgb(encoded)
 
 
 def signal_and_noise(text: str, bands: int, name: str) -> tuple[np.ndarray, np.ndarray | None]:

@@ -89,10 +89,12 @@ Device = Annotated[str, typer.Option(
     help="Where Mitsuba renders: auto is the CPU; a GPU (cuda) is untested.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace the output where it exists.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress on standard error.")]
+Verbose = Annotated[bool, typer.Option(
+    "--verbose", "-v", help="Tables of all that was found, not verdict and colours alone.")]
 AS_JSON, DEBUG = (inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False,
                                     annotation=kind)
                   for name, kind in (("as_json", Json), ("debug", Debug)))
-LAST = ("device", "allow_outside", "quiet", "as_json", "debug")
+LAST = ("device", "allow_outside", "verbose", "quiet", "as_json", "debug")
 STOPPED = "interrupted: finished stages are kept, run the same command again to go on", 130
 
 NO_MEMORY = ("memory ran out: close other programs, or give smaller pictures, fewer draws or fewer "

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from spectrabox.api.known_camera import KnownCamera
+from spectrabox.measure.captured import Outline, rectangle
 from spectrabox.measure.shoot.options import Sampling
 from spectrabox.radiometry import chart, checked_tables, errors, findings, gloss, interreflection
 from spectrabox.radiometry.charts.layouts import chart_layout
@@ -228,6 +229,32 @@ def as_corners(corners: ArrayLike | None) -> np.ndarray | None:
             f"corners= is four points [(x, y), ...] in pixels of the photo; {corners} "
             "was given")
     return points.astype(float)
+
+
+def region_points(region: Sequence[float] | Sequence[Sequence[float]], name: str) -> np.ndarray:
+    """Two opposite corners of a rectangle (4,), or the corners of a region (Q, 2) going round.
+
+    Raises
+    ------
+    InputError
+        If it is neither.
+    """
+    try:
+        points = np.asarray(region, dtype=float)
+    except (TypeError, ValueError):         # text, or points of several lengths
+        points = np.empty(0)
+    polygon = points.ndim == 2 and points.shape[1] == 2 and len(points) > 2
+    if not (polygon or points.shape == (4,)) or not np.isfinite(points).all():
+        raise errors.InputError(f"{name} is (x0, y0, x1, y1), or three corners [(x, y), ...] or "
+                                f"more, in pixels of the photo; {region} was given")
+    return points
+
+
+def as_outline(region: Sequence[float] | Sequence[Sequence[float]]) -> Outline:
+    """The corners (x, y) of a region, going round, as ``region_points`` takes it."""
+    points = region_points(region, "a region")
+    return rectangle(points.tolist()) if points.ndim == 1 else tuple(
+        (float(x), float(y)) for x, y in points)
 
 
 def sampling_of(**stated: Any) -> Sampling:

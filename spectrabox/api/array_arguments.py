@@ -1,6 +1,7 @@
 """Arguments that are numbers, arrays or mappings, and nothing of ours: checked, or refused."""
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 
 import numpy as np
@@ -50,6 +51,34 @@ def as_number(given: float, name: str) -> float:
     if number.ndim:
         raise InputError(f"{name}: {given!r} is no number")
     return float(number)
+
+
+def as_code_values(given: ArrayLike, name: str) -> tuple[np.ndarray, bool]:
+    """sRGB code values (..., 3), 0 to 1, and whether they are rounded to 8 bits.
+
+    Parameters
+    ----------
+    given : (..., 3) array or str
+        Unsigned 8-bit integers, or integers 0 to 255; numbers from 0 to 1; or "#rrggbb".
+    name : str
+        What it is, for the message.
+
+    Raises
+    ------
+    InputError
+        If it is none of these.
+    """
+    if isinstance(given, str) and re.fullmatch("#[0-9a-fA-F]{6}", given):
+        return np.frombuffer(bytes.fromhex(given[1:]), np.uint8) / 255, True
+    values = as_numbers(given, name)
+    whole = np.asarray(given).dtype
+    most = np.iinfo(np.uint16).max if whole == np.uint16 else 255 if whole.kind in "ui" else 1
+    if values.shape[-1:] != (3,) or not values.size or not np.all((values >= 0)
+                                                                  & (values <= most)):
+        raise InputError(f"{name}: sRGB code values of shape {values.shape} and type {whole} were "
+                         "given; give R, G, B as integers from 0 to 255, as numbers from 0 to 1, "
+                         "or '#rrggbb'")
+    return values / most, most == 255
 
 
 def as_wavelengths(nm: ArrayLike, name: str) -> np.ndarray:

@@ -172,19 +172,19 @@ class CameraEstimate:
             compare_matrices(self.fit.chart, self.fit.photos[0],
                              None if measured is None else arguments.as_curves(measured)))
 
-    def plot(self, axes: Axes | None = None) -> Axes:
+    def plot(self, ax: Axes | None = None) -> Axes:
         """The curves, shaded to two standard errors either side, as in the report.
 
         Parameters
         ----------
-        axes : matplotlib Axes, optional
+        ax : matplotlib Axes, optional
             To draw into; new ones by default.
 
         Returns
         -------
         matplotlib Axes
         """
-        axes = plots.axes_for(axes, (5.6, 3.4))
+        axes = plots.axes_for(ax, (5.6, 3.4))
         plots.plot_sensitivities(axes, self.nm, self.curves, self.fit.sensitivity.standard_error,
                            self.bands)
         axes.legend(frameon=False, fontsize="small")

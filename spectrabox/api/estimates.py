@@ -113,19 +113,19 @@ class SpectrumEstimates(Mapping[str, Estimate]):
         """
         return estimate.to_csv(self, path)
 
-    def plot(self, axes: Axes | None = None) -> Axes:
+    def plot(self, ax: Axes | None = None) -> Axes:
         """Means and bands of all surfaces.
 
         Parameters
         ----------
-        axes : matplotlib Axes, optional
+        ax : matplotlib Axes, optional
             To draw into; new ones by default.
 
         Returns
         -------
         matplotlib Axes
         """
-        axes = plots.axes_for(axes, (6.6, 3.7))
+        axes = plots.axes_for(ax, (6.6, 3.7))
         for name, one in self._estimates.items():
             line, = axes.plot(one.nm, one.mean, label=name)
             axes.fill_between(one.nm, *one.band(), color=line.get_color(), alpha=0.15, lw=0)
@@ -250,14 +250,20 @@ class MeasuredSpectra(SpectrumEstimates):
         """
         return self.found.facts()
 
-    def text(self) -> str:
-        """What ``spectrabox run`` prints: a row for each surface, warnings, and the verdict.
+    def text(self, verbose: bool = True) -> str:
+        """What ``spectrabox run --verbose`` prints: a row for each condition and surface, notes,
+        and the verdict.
+
+        Parameters
+        ----------
+        verbose : bool
+            False for what it prints without: verdict, colours and what to do next.
 
         Returns
         -------
         str
         """
-        return self.found.text()
+        return self.found.text() if verbose else self.found.brief()
 
     def __repr__(self) -> str:
         return "\n".join([conditions.conditions_text(self.found.conditions), super().__repr__(),

@@ -150,7 +150,7 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, OutlineLike], *,
         T spectra behind each region, the probability of their band, 0 to 1, and their seed.
     progress : bool or function, optional
         True shows a bar; a function is called with the share that is done, and what is being
-        done. By default a bar is shown in notebooks.
+        done. By default a bar is shown in notebooks and on terminals.
 
     Returns
     -------

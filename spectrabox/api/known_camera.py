@@ -9,8 +9,11 @@ import numpy as np
 
 from spectrabox.measure import plots
 from spectrabox.radiometry.files import in_folder, write_text_whole
+from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.published import published_tables
 from spectrabox.radiometry.records.spectra import Quantity
-from spectrabox.radiometry.spectra import named_spectra, spectrum_files
+from spectrabox.radiometry.spectra import light_words, named_spectra, spectrum_files
+from spectrabox.radiometry.spectra.cameras import own_cameras
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,19 +50,19 @@ class KnownCamera:
     bands: tuple[str, ...]
     curves: np.ndarray
 
-    def plot(self, axes: Axes | None = None) -> Axes:
+    def plot(self, ax: Axes | None = None) -> Axes:
         """The curves.
 
         Parameters
         ----------
-        axes : matplotlib Axes, optional
+        ax : matplotlib Axes, optional
             To draw into; new ones by default.
 
         Returns
         -------
         matplotlib Axes
         """
-        axes = plots.axes_for(axes, (5.6, 3.4))
+        axes = plots.axes_for(ax, (5.6, 3.4))
         plots.plot_sensitivities(axes, self.nm, self.curves, None, self.bands)
         axes.set_title(self.name)
         axes.legend(frameon=False, fontsize="small")
@@ -129,3 +132,46 @@ def camera(name: str) -> KnownCamera:
     """
     known, nm, bands, curves = named_spectra.named_curves(name)
     return KnownCamera(known, nm, bands, curves / curves.max())
+
+
+def cameras() -> tuple[str, ...]:
+    """Names of the cameras and observers that ``camera=`` takes, your own first.
+
+    Returns
+    -------
+    tuple of str
+
+    References
+    ----------
+    Not in Xia et al. 2025; of the curves, as `camera`.
+
+    Examples
+    --------
+    >>> [name for name in sb.cameras() if "Nikon" in name]
+    """
+    return tuple(dict.fromkeys((*own_cameras(),
+                                *published_tables.published_names(published_tables.CAMERAS),
+                                *published_tables.published_names(published_tables.OBSERVERS))))
+
+
+def lights() -> tuple[str, ...]:
+    """Names of the lights that ``light=`` takes: CIE illuminants and measured lamps, then kinds of
+    lamp, of which no spectrum is stated.
+
+    Returns
+    -------
+    tuple of str
+        A temperature such as "3200K", a file, and arrays are taken too.
+
+    References
+    ----------
+    Not in Xia et al. 2025. CIE 15 and colour-science.
+
+    Examples
+    --------
+    >>> [name for name in sb.lights() if name.startswith("LED")]
+    """
+    covering = [name for name, (nm, _) in
+                published_tables.all_published(published_tables.LIGHTS).items()
+                if nm[0] <= FINE_GRID.nm[0] and nm[-1] >= FINE_GRID.nm[-1]]
+    return (*covering, *light_words.LIGHT_KINDS, light_words.UNKNOWN)

@@ -105,19 +105,19 @@ class MeterReading:
         files.write_text_whole(files.in_folder(path), table_text(
             self.nm, columns, quantity=self.spectrum.quantity, source=self.spectrum.source))
 
-    def plot(self, axes: Axes | None = None) -> Axes:
+    def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the spectrum.
 
         Parameters
         ----------
-        axes : Axes, optional
+        ax : Axes, optional
             Of Matplotlib; new ones by default.
 
         Returns
         -------
         Axes
         """
-        axes = plots.axes_for(axes)
+        axes = plots.axes_for(ax)
         axes.plot(self.nm, self.values, lw=1.2)
         axes.set(xlabel="wavelength (nm)", ylabel=self.quantity, title=self.spectrum.source)
         return axes

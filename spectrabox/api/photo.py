@@ -1,6 +1,7 @@
 """Photos as linear camera signal, and the colour chart in them."""
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -9,10 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spectrabox.api.arguments import as_chart, as_corners
+from spectrabox.api.arguments import as_chart, as_corners, as_outline
 from spectrabox.capture.chart.quality import ChartVerdict
 from spectrabox.capture.develop.developed import develop_photos
 from spectrabox.capture.photo import image_files, preview
+from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.measure import camera, captured, chart_patches, plots, texts
 from spectrabox.radiometry import errors, files
 from spectrabox.radiometry.chart import Chart
@@ -46,6 +48,7 @@ class Photo:
     --------
     >>> photo = sb.open_photo("painting/photos/painting.dng")
     >>> photo.signal.shape, photo.bands, photo.size_px
+    >>> photo.mean((986, 462, 1073, 537)), photo.standard_error((986, 462, 1073, 537))
     >>> photo.plot()
     """
 
@@ -77,19 +80,69 @@ class Photo:
         height, width = self.image.signal.shape[:2]
         return round(width * self.image.sensor_step), round(height * self.image.sensor_step)
 
-    def plot(self, axes: Axes | None = None) -> Axes:
+    def mean(self, region: Sequence[float] | Sequence[Sequence[float]]) -> np.ndarray:
+        """Mean signal (K,) of a region, in pixels of the photo's axes.
+
+        Parameters
+        ----------
+        region : (x0, y0, x1, y1) or [(x, y), ...]
+            Two opposite corners, or three corners or more going round, as `flat` takes them: x to
+            the right, y down, in pixels of ``size_px``, whatever ``signal`` has an entry for.
+
+        Returns
+        -------
+        (K,) array
+            Fractions of white; NaN in a band of which more than 1 % of the pixels are saturated.
+
+        Raises
+        ------
+        InputError
+            If the region leaves the photo or holds fewer than 16 pixels.
+        ClippedPhotoError
+            If every band is saturated there.
+        """
+        return self._sampled(region)[0]
+
+    def standard_error(self, region: Sequence[float] | Sequence[Sequence[float]]) -> np.ndarray:
+        """Standard error (K,) of `mean` by the noise of the pixels.
+
+        Parameters
+        ----------
+        region : (x0, y0, x1, y1) or [(x, y), ...]
+            As of `mean`.
+
+        Returns
+        -------
+        (K,) array
+            Fractions of white.
+
+        Raises
+        ------
+        InputError, ClippedPhotoError
+            As of `mean`.
+        """
+        return self._sampled(region)[1]
+
+    def _sampled(self, region: Sequence[float] | Sequence[Sequence[float]]
+                 ) -> tuple[np.ndarray, np.ndarray]:
+        samples = sample_regions(self.image, {"region": as_outline(region)}, without_clipped=True)
+        mean, error = samples.mean[0], np.sqrt(np.diagonal(samples.covariance_of_mean[0]))
+        unread = np.zeros(len(mean), bool) if samples.clipped is None else samples.clipped[0]
+        return np.where(unread, np.nan, mean), np.where(unread, np.nan, error)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
         """The photo, stretched for the screen; the axes count pixels of the sensor.
 
         Parameters
         ----------
-        axes : matplotlib Axes, optional
+        ax : matplotlib Axes, optional
             To draw into; new ones by default.
 
         Returns
         -------
         matplotlib Axes
         """
-        axes = plots.axes_for(axes)
+        axes = plots.axes_for(ax)
         width, height = self.size_px
         step = -(-max(self.image.signal.shape[:2]) // PREVIEW_PX)
         axes.imshow(preview.signal_rgb8(self.image.signal, step),
@@ -314,19 +367,19 @@ class ChartInPhoto:
                                chart_patches.table_of_columns(self.columns()))
         return Path(path)
 
-    def plot(self, axes: Axes | None = None) -> Axes:
+    def plot(self, ax: Axes | None = None) -> Axes:
         """The photo with the sampled quadrilaterals of the patches.
 
         Parameters
         ----------
-        axes : matplotlib Axes, optional
+        ax : matplotlib Axes, optional
             To draw into; new ones by default.
 
         Returns
         -------
         matplotlib Axes
         """
-        axes = self.photo.plot(axes)
+        axes = self.photo.plot(ax)
         for quad in self.corners:
             axes.plot(*np.vstack([quad, quad[:1]]).T, color="white", lw=1.8)
             axes.plot(*np.vstack([quad, quad[:1]]).T, color="black", lw=0.7)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from spectrabox.api import arguments
-from spectrabox.api.array_arguments import as_number, as_numbers
+from spectrabox.api.array_arguments import as_code_values, as_number, as_numbers
 from spectrabox.api.photo import Photo, open_photo
 from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.api.signals import OBSERVER
@@ -53,7 +53,7 @@ def uplift(image: ArrayLike | Photo | str | Path, *, camera: arguments.CameraLik
         On reflectances; the shipped one by default.
     progress : bool or function, optional
         True shows a bar; a function is called with the share that is done, and what is being
-        done. By default a bar is shown in notebooks.
+        done. By default a bar is shown in notebooks and on terminals.
 
     Returns
     -------
@@ -124,11 +124,8 @@ def _code_values(image: ArrayLike | Photo | str | Path) -> np.ndarray:
     if isinstance(image, Photo):
         raise InputError("a photo that is open holds linear values; give the file of a picture in "
                          "sRGB, or its code values")
-    values = np.asarray(image)
-    if values.dtype.kind == "u":
-        values = values / np.iinfo(values.dtype).max
-    if values.ndim != 3 or values.shape[2] != 3 or not values.size \
-            or not np.all((values >= 0) & (values <= 1)):
-        raise InputError(f"sRGB code values of shape {values.shape} and type {values.dtype} were "
-                         "given; give (height, width, 3) unsigned integers, or numbers from 0 to 1")
+    values, _ = as_code_values(image, "image")
+    if values.ndim != 3:
+        raise InputError(f"sRGB code values of shape {values.shape} were given; give (height, "
+                         "width, 3)")
     return values

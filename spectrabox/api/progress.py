@@ -1,4 +1,6 @@
-"""A progress bar for calls that last: in a notebook by itself, elsewhere where it is asked for."""
+"""A progress bar for calls that last: in notebooks and on terminals, elsewhere where it is asked
+for.
+"""
 from __future__ import annotations
 
 import contextlib
@@ -22,14 +24,16 @@ def progress_steps(progress: ProgressLike, title: str) -> Iterator[Step]:
     Parameters
     ----------
     progress : bool, function or None
-        The function itself; True for a bar, False for none, None for a bar in a notebook only.
+        The function itself; True for a bar, False for none, None for a bar in a notebook or on
+        a terminal.
     title : str
         Of the bar, which is shown once the call has lasted a second.
     """
     if callable(progress):
         yield progress
         return
-    if progress is False or (progress is None and "ipykernel" not in sys.modules):
+    if progress is False or (progress is None and "ipykernel" not in sys.modules
+                              and not sys.stderr.isatty()):
         yield lambda share, message: None
         return
     with contextlib.ExitStack() as shown:

@@ -118,19 +118,19 @@ class SceneSpectra(MeasuredSpectra):
             scene, *bsdf_reflectances(self.found, self._bsdfs), target.parent))
         return target
 
-    def plot_agreement(self, axes: Axes | None = None) -> Axes:
+    def plot_agreement(self, ax: Axes | None = None) -> Axes:
         """The relative residual (photo - rendering) / photo, mean over the bands.
 
         Parameters
         ----------
-        axes : matplotlib Axes, optional
+        ax : matplotlib Axes, optional
             To draw into; new ones by default.
 
         Returns
         -------
         matplotlib Axes
         """
-        axes = axes_for(axes)
+        axes = axes_for(ax)
         view = self.reconstruction.views[0]
         usable = view.used[..., None] & (view.measured > 0)
         residual = np.where(usable, 1 - view.rendered / np.where(usable, view.measured, 1.0),
@@ -195,7 +195,7 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, light: ar
         That traces the light.
     progress : bool or function, optional
         True shows a bar; a function is called with the share that is done, and what is being
-        done. By default a bar is shown in notebooks.
+        done. By default a bar is shown in notebooks and on terminals.
 
     Returns
     -------

@@ -71,7 +71,7 @@ class Session(Mapping[str, estimate.Estimate]):
             Run also what is up to date.
         progress : bool or function, optional
             True shows a bar; a function is called with the share of a stage that is done, and
-            what is being done. By default a bar is shown in notebooks.
+            what is being done. By default a bar is shown in notebooks and on terminals.
 
         Returns
         -------

@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from spectrabox.api import arguments
@@ -14,7 +13,6 @@ from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.measure.captured import FlatCapture, SceneCapture
 from spectrabox.measure.shoot import captures, inputs, options, shoot
 from spectrabox.radiometry.chart import Chart
-from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import calibration, spectra
 from spectrabox.radiometry.spectra import given_spectra, light_words
 
@@ -113,12 +111,5 @@ class Arguments:
         InputError
             If it is neither.
         """
-        try:
-            points = np.asarray(region, dtype=float)
-        except (TypeError, ValueError):         # text, or points of several lengths
-            points = np.empty(0)
-        polygon = points.ndim == 2 and points.shape[1] == 2 and len(points) > 2
-        if not (polygon or points.shape == (4,)) or not np.isfinite(points).all():
-            raise InputError(f"region {name!r} is (x0, y0, x1, y1), or three corners [(x, y), ...] "
-                             f"or more, in pixels of the photo; {region} was given")
+        points = arguments.region_points(region, f"region {name!r}")
         return {"rect" if points.ndim == 1 else "polygon": points.tolist()}

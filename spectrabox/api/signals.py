@@ -10,15 +10,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from spectrabox.api import arguments
-from spectrabox.api.array_arguments import as_number, as_numbers
+from spectrabox.api.array_arguments import as_code_values, as_number, as_numbers
 from spectrabox.api.estimates import SpectrumEstimates
 from spectrabox.measure.advice.advise import advice_on_estimate
 from spectrabox.measure.estimate import Estimate
 from spectrabox.measure.signals import matching, signal_capture
 from spectrabox.measure.signals.options import SampleOptions
 from spectrabox.measure.signals.sample import sample_signals
-from spectrabox.radiometry.appearance import signal_of_colour
+from spectrabox.radiometry.appearance import rounding_of_srgb, signal_of_colour, signal_of_srgb
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.spectra.given_spectra import KnownSpectrum, as_reflectance
 from spectrabox.radiometry.system.threads import one_blas_thread
 from spectrabox.sampling.evaluation.identification import VARIATION, read_spectral_libraries
@@ -30,7 +31,8 @@ OBSERVER = "CIE 1931 2 Degree Standard Observer"
 @one_blas_thread()
 def sample(signals: ArrayLike | None = None, *, camera: arguments.CameraLike | None = None,
            light: arguments.LightLike | None = None, lab: ArrayLike | None = None,
-           xyz: ArrayLike | None = None, noise: ArrayLike | None = None,
+           xyz: ArrayLike | None = None, srgb: ArrayLike | str | None = None,
+           noise: ArrayLike | None = None,
            white: ArrayLike | None = None, light_error: float = 0.0,
            sensitivity_error: float = 0.0, families: str | Sequence[str] | None = None,
            method: str = SampleOptions.method, draws: int = SampleOptions.samples,
@@ -51,6 +53,9 @@ def sample(signals: ArrayLike | None = None, *, camera: arguments.CameraLike | N
         In place of signals and camera: L*a*b* of the CIE 1931 observer.
     xyz : (3,) or (S, 3) array, optional
         The same by X, Y, Z, with Y = 100 for white.
+    srgb : (3,) or (S, 3) array or "#rrggbb", optional
+        The same by sRGB code values under D65, integers from 0 to 255 or numbers from 0 to 1:
+        surfaces that would look so in daylight. Integers are known to half a step.
     noise : float or (K,) array, optional
         Standard error of the signal in each band, in its unit; of a colour relative to white.
         Without it the signal is taken as exact, and the answer says so (``caveats``).
@@ -96,16 +101,38 @@ def sample(signals: ArrayLike | None = None, *, camera: arguments.CameraLike | N
     >>> spectra = sb.sample([[0.53, 0.24, 0.08]], camera="Nikon 5100 (NPL)", light="D65",
     ...                     noise=0.003)
     >>> leaf = sb.sample(lab=[45, -27, 30])
+    >>> orange = sb.sample(srgb="#e08030")
     """
-    if lab is not None or xyz is not None:
-        signals, camera, light = _of_colour(signals, camera, light, lab, xyz)
+    origin: tuple[Finding, ...] = ()
+    if lab is not None or xyz is not None or srgb is not None:
+        if signals is not None or camera is not None:
+            raise InputError("a colour is what the CIE observer sees; leave signals and camera out")
         if white is not None:
             raise InputError("a colour is relative to white by what it is; leave white out")
-        white = np.ones(3)
-    origin = () if xyz is None else signal_capture.of_colours("xyz", as_numbers(xyz, "xyz"))
+        if sum(one is not None for one in (lab, xyz, srgb)) > 1:
+            raise InputError("give one of lab=, xyz= and srgb=")
+        camera, white = OBSERVER, np.ones(3)
+        if srgb is not None:
+            if light not in (None, "D65"):
+                raise InputError("srgb= is a colour under D65; leave light out")
+            light = "D65"
+            values, rounded = as_code_values(srgb, "srgb")
+            signals = signal_of_srgb(values)
+            origin = signal_capture.of_colours("srgb", 255 * values)
+            if rounded and noise is None:
+                noise = rounding_of_srgb(values).reshape(-1, 3).max(axis=0)
+        else:
+            light = "D65" if light is None else light
+            if not isinstance(light, str):
+                raise InputError("the light of a colour is given by its CIE name, such as 'D65' "
+                                 "or 'A'")
+            signals = signal_of_colour(light, lab=None if lab is None else as_numbers(lab, "lab"),
+                                       xyz=None if xyz is None else as_numbers(xyz, "xyz"))
+            if xyz is not None:
+                origin = signal_capture.of_colours("xyz", as_numbers(xyz, "xyz"))
     if signals is None or camera is None or light is None:
         raise InputError("signals need the camera that saw them and their light (camera=, light=); "
-                         "a colour is given as lab= or xyz=")
+                         "a colour is given as lab=, xyz= or srgb=")
     response = arguments.relative_response(camera, light)
     given = as_numbers(signals, "signals")
     bands = len(response)
@@ -225,17 +252,3 @@ def match(signal: Estimate | ArrayLike,
     found = matching.match_signal(signal.name, signal.measurement, known, arguments.as_prior(prior),
                          variation=variation, evidence_ratio=evidence_ratio)
     return replace(found, findings=(*found.findings, *signal.stated))
-
-
-def _of_colour(signals: ArrayLike | None, camera: arguments.CameraLike | None,
-               light: arguments.LightLike | None, lab: ArrayLike | None,
-               xyz: ArrayLike | None) -> tuple[np.ndarray, str, str]:
-    """Signals of a colour relative to white, and the observer and the light that they are of."""
-    if signals is not None or camera is not None:
-        raise InputError("a colour is what the CIE observer sees; leave signals and camera out")
-    name = "D65" if light is None else light
-    if not isinstance(name, str):
-        raise InputError("the light of a colour is given by its CIE name, such as 'D65' or 'A'")
-    return signal_of_colour(
-        name, lab=None if lab is None else as_numbers(lab, "lab"),
-        xyz=None if xyz is None else as_numbers(xyz, "xyz")), OBSERVER, name
