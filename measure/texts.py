@@ -210,6 +210,13 @@ CHART: dict[str, Text] = {
         "{other:percent0} across them, as if camera or chart had moved; at most {limit:percent0} "
         "is accepted.", "Use a tripod and a remote release, hold the chart still, and photograph "
         "again.", "{blur:percent0}", "{limit:percent0}"),
+    "chart.another": Text(
+        "Other charts in view", lambda values: (
+            f"Beside the chart that is measured the photo shows {values['charts']} more, or a card "
+            "much like it, about " + words.listed([f"({x:.0f}, {y:.0f}) px"
+                                                   for x, y in values["centres_px"]]) + "."),
+        "See in the overlay which one is measured; to choose another give its corners "
+        "(corners_px of [chart], --corners)."),
     "chart.bands-lost": Text(
         "Clipping", "{subject}: {clipped} of {patches} patches are saturated ({names:listed}) in "
         "{bands:listed}, left out of the measurement.", "Halve the exposure to have them."),
@@ -524,6 +531,9 @@ CALIBRATION: dict[str, Text] = {
     "edition.processed": Text(
         "Edition of the chart", "The edition cannot be told: the camera processed the photo.",
         "A raw photo tells."),
+    "edition.converted": Text(
+        "Edition of the chart", "The edition cannot be told: the file holds a converted colour "
+        "space, not camera signal."),
     "edition.not-fitted": Text(
         "Edition of the chart", lambda values: "The edition cannot be told, since "
         f"{REFUSALS.get(values['refusal'], REFUSALS[''])}."),
