@@ -164,12 +164,15 @@ def _calibrated(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Waveleng
         fitted = _by_splines(first, power, grid, chosen)
     fit, scale, held_out = fitted.fit, fitted.scale, fitted.held_out
     signals_without = first.samples.mean * (1 - held_out)
-    covariance = sensitivity.relative_prediction_covariance(held_out, first.samples)
+    covariance = sensitivity.relative_prediction_covariance(held_out, first.samples,
+                                                            first.excluded)
     delta_e, delta_e_without = (
         trust.chart_colour_differences(first.samples.mean, signal, first.reflectances, grid)
         for signal in (fitted.predicted, signals_without))
 
     known = ~first.samples.clipped.any(axis=1)
+    if first.excluded is not None:
+        known &= ~first.excluded.astype(bool)
     left_out = chosen.curves is None
     findings = [
         *fitted.of_light,

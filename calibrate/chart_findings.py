@@ -143,13 +143,13 @@ def patch_differences(patches: HeldOutPatches) -> np.ndarray:
 
 
 def difference_summary(patches: HeldOutPatches) -> DifferenceSummary:
-    """Their mean, median, 90th percentile and maximum over the patches that are judged.
+    """Their mean, median, 90th percentile and maximum over the patches that count.
 
     Parameters
     ----------
     patches : HeldOutPatches
     """
-    each = patch_differences(patches)[patches.judged]
+    each = patch_differences(patches)[patches.counted]
     return DifferenceSummary(float(each.mean()), float(np.median(each)),
                              float(np.percentile(each, 90)), float(each.max()))
 
@@ -241,7 +241,7 @@ def poor_patches(patches: HeldOutPatches, names: Sequence[str]) -> list[dict[str
     """
     if patches.brighter is None:
         return []
-    poor = np.flatnonzero(patches.judged & (patches.inside < POOR))
+    poor = np.flatnonzero(patches.counted & (patches.inside < POOR))
     return [patch_reason(patches, int(patch), names)
             for patch in poor[np.argsort(patches.inside[poor], kind="stable")]]
 

@@ -226,7 +226,8 @@ def fit_sensitivities(
                                                                 irradiance, patches, sigma)
 
 
-def relative_prediction_covariance(fit_residuals: np.ndarray, patches: PatchSamples) -> np.ndarray:
+def relative_prediction_covariance(fit_residuals: np.ndarray, patches: PatchSamples,
+                                   excluded: np.ndarray | None = None) -> np.ndarray:
     """Covariance (K, K) of (photo - predicted) / photo for a surface that was not in the fit.
 
     From the residuals of patches that were left out, about zero and over patches bright enough to
@@ -238,9 +239,13 @@ def relative_prediction_covariance(fit_residuals: np.ndarray, patches: PatchSamp
     fit_residuals : (I, K) array
         (photo - predicted) / photo, each patch left out of its own fit.
     patches : PatchSamples
+    excluded : (I,) bool array, optional
+        Patches that the operator leaves out: they may be none of the chart's.
     """
     bright = (patches.mean > DIM_PATCH * patches.mean.max(axis=0)).all(axis=1)
     readable = ~patches.clipped[bright]
+    if excluded is not None:
+        readable &= ~excluded[bright, None].astype(bool)
     used = np.where(readable, fit_residuals[bright], 0.0)
     return used.T @ used / np.sqrt(np.outer(*2 * [readable.sum(axis=0)]))
 

@@ -51,8 +51,8 @@ def chart_signals(chart: Chart, reflectances: np.ndarray | None,
 
 
 def measure_chart(photo: LinearImage, chart: Chart, reflectances: np.ndarray,
-                  grid: spectra.WavelengthGrid,
-                  corners_px: np.ndarray | None = None) -> PatchSamples:
+                  grid: spectra.WavelengthGrid, corners_px: np.ndarray | None = None,
+                  excluded: np.ndarray | None = None) -> PatchSamples:
     """Signals of the patches of a chart in a photo.
 
     Parameters
@@ -64,6 +64,8 @@ def measure_chart(photo: LinearImage, chart: Chart, reflectances: np.ndarray,
     grid : WavelengthGrid
     corners_px : (4, 2) array or None
         Of the chart, in pixels of the photo; None to search for it.
+    excluded : (I,) bool array, optional
+        Patches that the operator leaves out.
 
     Raises
     ------
@@ -73,7 +75,7 @@ def measure_chart(photo: LinearImage, chart: Chart, reflectances: np.ndarray,
         If more than a few patches are saturated.
     """
     expected = chart_signals(chart, reflectances, grid)
-    _, samples = chart_fit.find_patches(photo, expected, chart, corners_px)
+    _, samples = chart_fit.find_patches(photo, expected, chart, corners_px, excluded=excluded)
     return samples
 
 
@@ -90,13 +92,15 @@ class ChartSignals:
 def chart_in_photo(photo: LinearImage, stated: captured.Capture) -> ChartSignals:
     """The patches of the stated chart in a photo, as `measure_chart` takes them on FINE_GRID."""
     chart = stated.lit_chart
-    samples = measure_chart(photo, chart.layout, chart.reflectances, FINE_GRID, chart.corners_px)
+    samples = measure_chart(photo, chart.layout, chart.reflectances, FINE_GRID, chart.corners_px,
+                            chart.excluded)
     return ChartSignals(photo.source, samples, spectra.default_band_names(photo.signal.shape[2]))
 
 
 def judged_chart(
         photo: LinearImage, chart: Chart, reference: str | None,
-        corners_px: np.ndarray | None = None) -> tuple[ChartDetection, quality.ChartVerdict]:
+        corners_px: np.ndarray | None = None, excluded: np.ndarray | None = None
+) -> tuple[ChartDetection, quality.ChartVerdict]:
     """The chart in a photo, and whether the photo is good enough.
 
     Parameters
@@ -107,6 +111,8 @@ def judged_chart(
         Of its reflectances, by name or file; None for the layout's own.
     corners_px : (4, 2) array or None
         Of the chart, in pixels of the photo; None to search for it.
+    excluded : (I,) bool array, optional
+        Patches that the operator leaves out.
 
     Raises
     ------
@@ -118,8 +124,8 @@ def judged_chart(
     reflectances = None if chart.has_known_colours and reference is None else \
         reference_reflectances(reference, chart, FINE_GRID)
     signals = chart_signals(chart, reflectances, FINE_GRID)
-    detection = chart_fit.find(photo, signals, chart, corners_px)
-    return detection, quality.judge_chart(photo, detection, signals, chart)
+    detection = chart_fit.find(photo, signals, chart, corners_px, excluded=excluded)
+    return detection, quality.judge_chart(photo, detection, signals, chart, excluded=excluded)
 
 
 @dataclass(frozen=True)

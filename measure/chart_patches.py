@@ -1,5 +1,5 @@
-"""A chart by itself: the edition of a ColorChecker that a photo tells, and its patches as a table
-for other programs.
+"""A chart by itself: the edition of a ColorChecker that a photo tells, the patches that are not as
+the others make them, and all patches as a table for other programs.
 
 Whether a ColorChecker was made before or since November 2014, as its photo tells.
 
@@ -20,9 +20,11 @@ import numpy as np
 from spectrabox.calibrate import chart_findings
 from spectrabox.calibrate.chart_calibration import calibrate_chart
 from spectrabox.calibrate.chart_photo import ChartPhoto
+from spectrabox.capture.chart import quality
 from spectrabox.measure import texts
 from spectrabox.measure.camera import ERROR_PREFIX
 from spectrabox.measure.extras import attempt
+from spectrabox.measure.held_out_spectra import held_out_patches
 from spectrabox.radiometry.chart import BEFORE_2014, COPIES_SINCE_2014, Chart
 from spectrabox.radiometry.charts.references import editions
 from spectrabox.radiometry.errors import SpectraboxError
@@ -46,12 +48,15 @@ class ChartEdition:
         The same, or why it cannot be told.
     failed : Finding or None
         Where telling it failed.
+    patches : tuple of Finding
+        What a fit of camera and light says of single patches: soiled, shaded or misprinted ones.
     """
 
     edition: str | None
     evidence: float | None
     finding: Finding
     failed: Finding | None = None
+    patches: tuple[Finding, ...] = ()
 
     @property
     def says(self) -> str:
@@ -65,8 +70,8 @@ class ChartEdition:
                 "findings": [texts.facts(self.finding)]}
 
 
-def edition_in_photo(image: photos.LinearImage, chart: Chart,
-                     samples: photos.PatchSamples) -> ChartEdition:
+def edition_in_photo(image: photos.LinearImage, chart: Chart, samples: photos.PatchSamples,
+                     excluded: np.ndarray | None = None) -> ChartEdition:
     """The edition of the chart in a photo, whatever its camera and its light.
 
     Parameters
@@ -74,33 +79,42 @@ def edition_in_photo(image: photos.LinearImage, chart: Chart,
     image : LinearImage
     chart : Chart
     samples : PatchSamples
+    excluded : (I,) bool array, optional
+        Patches that the operator leaves out.
     """
-    edition, failed = attempt("edition of the chart", lambda: _edition(image, chart, samples), None)
+    edition, failed = attempt("edition of the chart",
+                              lambda: _edition(image, chart, samples, excluded), None)
     if failed is not None:
         return replace(_not_fitted(""), failed=failed)
     assert edition is not None
     return edition
 
 
-def _edition(image: photos.LinearImage, chart: Chart, samples: photos.PatchSamples) -> ChartEdition:
+def _edition(image: photos.LinearImage, chart: Chart, samples: photos.PatchSamples,
+             excluded: np.ndarray | None) -> ChartEdition:
     if COPIES_SINCE_2014 not in chart.references:
         return _not_told(Finding("edition.unpublished", Severity.INFO, values={
             "chart": chart.name, "any": bool(chart.references)}))
     if image.kind is photos.PhotoKind.PROCESSED:
         return _not_told(Finding("edition.processed", Severity.INFO))
+    if any(one.code == quality.CONVERTED for one in image.findings):
+        return _not_told(Finding("edition.converted", Severity.INFO))
     of = editions(chart, samples.taken_at)
-    if len(of) == 1:
-        return ChartEdition(BEFORE_2014, None, Finding("edition.by-date", Severity.INFO, values={
-            "told": BEFORE_2014, "date": samples.taken_at[:10]}))
     try:
-        copy = calibrate_chart([ChartPhoto(samples, of[0].mean, UnknownLight(), chart=chart,
-                                           editions=of)], FINE_GRID).copy
+        fitted = calibrate_chart([ChartPhoto(samples, of[0].mean, UnknownLight(), chart=chart,
+                                             excluded=excluded, editions=of)], FINE_GRID)
+        patches = tuple(chart_findings.at_fault(
+            held_out_patches(fitted, fitted.reflectances), chart.names))
     except SpectraboxError as error:
         return _not_fitted(type(error).__name__)
+    if len(of) == 1:
+        return ChartEdition(BEFORE_2014, None, Finding("edition.by-date", Severity.INFO, values={
+            "told": BEFORE_2014, "date": samples.taken_at[:10]}), patches=patches)
+    copy = fitted.copy
     assert copy is not None, "a chart of several editions has a copy"
     told, nats = chart_findings.edition_told(copy), chart_findings.evidence_since(copy)
     return ChartEdition(told, nats, Finding("edition.told", Severity.INFO, values={
-        "told": told, "nats": nats, "needed": chart_findings.TOLD}))
+        "told": told, "nats": nats, "needed": chart_findings.TOLD}), patches=patches)
 
 
 def _not_told(finding: Finding) -> ChartEdition:

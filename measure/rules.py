@@ -280,7 +280,9 @@ def chart_agreement(found: CaptureResult) -> list[Finding]:
     """How well each calibration reproduces the first chart that it was fitted to."""
     residuals, chart = chart_residuals(found), found.chart
     if residuals is not None and chart is not None:
-        residuals = residuals[~chart.samples.clipped]
+        counted = np.ones(len(residuals), bool) if chart.left_out is None \
+            else chart.left_out.counted
+        residuals = residuals[~chart.samples.clipped & counted[:, None]]
     if chart_findings.root_mean_square(residuals) is None:
         passes, fails = chart_findings.CHART_LIMITS
         return [Finding("calibration.no-chart", Severity.INFO,
@@ -288,7 +290,7 @@ def chart_agreement(found: CaptureResult) -> list[Finding]:
     each = {"": residuals}
     for view, made in found.other_calibrations.items():
         assert chart is not None and made.sensitivity.residuals is not None
-        each[view] = made.sensitivity.residuals[chart.others[view].judged]
+        each[view] = made.sensitivity.residuals[chart.others[view].counted]
     return [of_photo(one, view) for view, values in each.items() if values is not None
             for one in chart_findings.chart_residual(values, found.stated.chart_stated)]
 
@@ -313,7 +315,8 @@ def of_camera(fit: CameraFit) -> list[Finding]:
             *([] if copy is None else [chart_findings.edition(copy)]),
             *fit.chart.of_chart(fit.held_out, names),
             *chart_findings.held_out(fit.held_out, names), chart_findings.colours(fit.held_out),
-            *chart_findings.chart_residual(off[~first.samples.clipped], not first.editions),
+            *chart_findings.chart_residual(
+                off[~first.samples.clipped & fit.held_out.counted[:, None]], not first.editions),
             Finding("fit.of-camera", *ended(fit.sensitivity.outcome))]
 
 

@@ -210,6 +210,13 @@ CHART: dict[str, Text] = {
         "{other:percent0} across them, as if camera or chart had moved; at most {limit:percent0} "
         "is accepted.", "Use a tripod and a remote release, hold the chart still, and photograph "
         "again.", "{blur:percent0}", "{limit:percent0}"),
+    "chart.another": Text(
+        "Other charts in view", lambda values: (
+            f"Beside the chart that is measured the photo shows {values['charts']} more, or a card "
+            "much like it, about " + words.listed([f"({x:.0f}, {y:.0f}) px"
+                                                   for x, y in values["centres_px"]]) + "."),
+        "See in the overlay which one is measured; to choose another give its corners "
+        "(corners_px of [chart], --corners)."),
     "chart.bands-lost": Text(
         "Clipping", "{subject}: {clipped} of {patches} patches are saturated ({names:listed}) in "
         "{bands:listed}, left out of the measurement.", "Halve the exposure to have them."),
@@ -524,6 +531,9 @@ CALIBRATION: dict[str, Text] = {
     "edition.processed": Text(
         "Edition of the chart", "The edition cannot be told: the camera processed the photo.",
         "A raw photo tells."),
+    "edition.converted": Text(
+        "Edition of the chart", "The edition cannot be told: the file holds a converted colour "
+        "space, not camera signal."),
     "edition.not-fitted": Text(
         "Edition of the chart", lambda values: "The edition cannot be told, since "
         f"{REFUSALS.get(values['refusal'], REFUSALS[''])}."),
@@ -602,6 +612,42 @@ PHOTOS: dict[str, Text] = {
     "bracket.left-out": Text(
         "Exposures", "{subject} is left out: saturated over more than {limit:percent0} of the "
         "picture."),
+    # corrections that a file states
+    "file.levels": Text(
+        "Levels of the file", "The file states black at {black:levels} and white at {white:levels} "
+        "of its values: both are applied."),
+    "file.black-delta": Text(
+        "Levels of the file", "The file states a black level of its own for each row or column "
+        "(BlackLevelDelta): applied."),
+    "file.linear-limit": Text(
+        "Levels of the file", "The file states that it is linear up to {limit:percent0} of its "
+        "range (LinearResponseLimit): what lies above counts as clipped."),
+    "file.gains-applied": Text(
+        "Shading of the lens", "The file states gains against the shading of the lens ({opcode}, "
+        "{smallest:.2f} to {largest:.2f}): applied to the signal."),
+    "file.baseline-exposure": Text(
+        "Exposure of the file", "The file is to be shown {stops:+.2f} stops brighter "
+        "(BaselineExposure): not applied, since values stay as the sensor gave them.",
+        "See that all photos of a measurement state the same, as those of a camera at one setting "
+        "do: programs that merge several exposures change it from photo to photo."),
+    "file.geometry-left": Text(
+        "Corrections of the file", "The file states corrections of geometry that are not applied "
+        "({names:listed}): the photo is as the lens drew it.",
+        "Flat samples and charts need none; for a scene state the lens's distortion, or develop "
+        "the photo elsewhere to a linear TIFF with the correction."),
+    "file.bad-pixels-left": Text(
+        "Corrections of the file", "The file states pixels to be mended ({names:listed}), which "
+        "is not done.", "Pixels that stand out of a patch are left out all the same; dark frames "
+        "mend hot ones."),
+    "file.values-left": Text(
+        "Corrections of the file", "The file states corrections of its values that are not applied "
+        "({names:listed}).", "Develop it with the software of its maker, or with Adobe DNG "
+        "Converter, to a linear DNG or 16-bit TIFF, and give that."),
+    "file.converted-colours": Text(
+        "Negative colours", "{share:percent} of the picture are negative in {band}, down to "
+        "{lowest:.1%} of white: the file holds a converted colour space, not camera signal.",
+        "Give the camera's raw file, or develop it without conversion to a colour space (colour "
+        "space raw or camera, no matrix)."),
     "photo.not-linear": Text(
         "Kind of file", "The photo is not linear: it was decoded as sRGB, and colour matrix and "
         "tone curve of the camera remain.", f"To measure, {RAW_INSTEAD}."),
@@ -1310,6 +1356,8 @@ class _Formatter(string.Formatter):
             return words.percent(value, int(format_spec.removeprefix("percent")))
         if format_spec == "listed":
             return words.listed(list(value))
+        if format_spec == "levels":
+            return " / ".join(f"{one:g}" for one in dict.fromkeys(value))
         if format_spec == "quoted":
             return words.listed([f"“{item}”" for item in value])
         if format_spec == "reasons":

@@ -8,8 +8,8 @@ nothing stated, each patch by a fit without it. ``marked``: black, neutral 3.5 a
 charts marked as samples; which copies these are nobody knows, the truth is the mean of five tables
 (charts.npz). ``filters``: a chart through seven filters by an industrial camera, all its channels.
 ``genuine files``: one
-of each kind, beside what other software reads there; ``reported files``: as public reports of bugs
-describe them, each right (1) or refused or wrong (0).
+of each kind, beside what other software reads there; ``reported photos`` and ``reported spectra``:
+as public reports of bugs describe them (reported.py), each right (1) or wrong (0).
 """
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ from spectrabox.radiometry import appearance
 from spectrabox.radiometry.spectra.spectrum_files import read_table
 from spectrabox.session.cli import app
 
+from benchmarks.ledger import reported
 from benchmarks.ledger.simulated import CHARTS
 from benchmarks.ledger.task import Task
 
@@ -70,19 +71,6 @@ GENUINE = {
     "cameras/Nikon_D700_380_780_5.json": (550.0, 0.896),
     "chart_copies/beyondrgb_cc_classic.csv": (380.0, 0.106)}
 RECORDING = "cr30/sniffer/Test_Sample_36.61_-20.75_-2.86.spm"      # L*a*b* that its display shows
-# files as reports of others describe them: the green paint of each at 470 nm (smalt at 420)
-GREEN = 0.2507
-REPORTED = {
-    "axis-unit-in-header/angstrom.csv": (470.0, GREEN),
-    "axis-unit-in-header/frequency_thz.csv": (470.0, GREEN),
-    "axis-unit-in-header/wavenumber.csv": (470.0, GREEN),
-    "cxf3/two.cxf": (420.0, 0.22),
-    "decimal-comma-blanks/blanks_decimal_comma.txt": (470.0, GREEN),
-    "decimal-comma-blanks/blanks_decimal_comma_intnm.txt": (470.0, GREEN),
-    "envi-overlap-and-flags/gain.hdr": (470.0, GREEN),
-    "micrometres-and-percent-stated/ascending.spectrum.txt": (470.0, GREEN),
-    "micrometres-and-percent-stated/descending.spectrum.txt": (470.0, GREEN),
-    "table-under-a-preamble/end_marker.txt": (470.0, 100 * GREEN)}      # no unit is stated
 
 
 def tasks(data: Path | None) -> Iterator[Task]:
@@ -102,9 +90,7 @@ def tasks(data: Path | None) -> Iterator[Task]:
         for file, (nm, value) in GENUINE.items():
             yield Task("real/genuine files", Path(file).name, read_right, (data / file, nm, value))
         yield Task("real/genuine files", Path(RECORDING).name, replayed, (data / RECORDING,))
-    for file, (nm, value) in REPORTED.items() if (data / "field5").is_dir() else ():
-        yield Task("real/reported files", Path(file).name, read_right,
-                   (data / "field5" / file, nm, value))
+    yield from reported.tasks(data)
 
 
 def box(data: Path, cube: str) -> dict[str, float]:

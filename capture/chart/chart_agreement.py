@@ -14,7 +14,7 @@ import numpy as np
 
 from spectrabox.capture.chart.patches import pixels_inside
 from spectrabox.radiometry.chart import AS_ASKED, CLASSIC, Chart, table_orders
-from spectrabox.radiometry.records.photos import LinearImage
+from spectrabox.radiometry.records.photos import MIN_PATCHES, LinearImage
 
 PATCH = 40.0                     # side of a patch in the units of this room: mm on the Classic
 
@@ -104,7 +104,7 @@ def unit_scale(chart: Chart) -> float:
 
 
 def chart_agreement(image: LinearImage, quads_px: np.ndarray, reference: np.ndarray,
-                    chart: Chart = CLASSIC) -> Agreement:
+                    chart: Chart = CLASSIC, excluded: np.ndarray | None = None) -> Agreement:
     """Agreement of the signals of a chart's patches with a reference, in the order that fits best.
 
     Parameters
@@ -116,7 +116,10 @@ def chart_agreement(image: LinearImage, quads_px: np.ndarray, reference: np.ndar
         Signals that an ordinary camera would read, in chart order. In other bands than three the
         lightness of the patches is compared, a mixture of the three.
     chart : Chart
+    excluded : (I,) bool array, optional
+        Patches that say nothing of the chart: their misfit is 0.
     """
+    kept = _kept(chart, excluded)
     medians, colours = _patch_medians(image, quads_px), reference
     if medians is not None and medians.shape[1] != MIXED_BANDS:
         medians, reference = in_one_band(medians), in_one_band(reference)
@@ -126,20 +129,39 @@ def chart_agreement(image: LinearImage, quads_px: np.ndarray, reference: np.ndar
     patches = len(chart.names)
     if medians is None:
         return Agreement(np.inf, np.nan, orders[0], np.full(patches, np.inf), np.ones(patches))
-    fits = [(*_log_fit(medians[order], reference, chart), order) for order in orders]
+    fits = [(*_log_fit(medians[order], reference, chart, kept), order) for order in orders]
     residual, contrast, order = min(fits, key=lambda fit: fit[0])
     if not residual < HOPELESS_RESIDUAL:
+        if not np.isfinite(residual):       # by how much, in the order that fits best all the same
+            residual = max(HOPELESS_RESIDUAL, min(_rms(_mixture_fit(
+                medians[order], _mixed(colours, reference), 1.0, chart, kept)[0], kept)
+                for order in orders))
         return Agreement(residual, contrast, order, np.full(patches, np.inf), np.ones(patches))
     signals = medians[order]
     if contrast < CURVED:       # a tone curve, or a veil: a curve bends, a veil adds a constant
-        veil, power, both = veil_fit(signals, reference, chart)
-        if power >= VEILED and (veil_fit(signals, reference, chart, 1.0)[2]
+        veil, power, both = veil_fit(signals, reference, chart, excluded=excluded)
+        if power >= VEILED and (veil_fit(signals, reference, chart, 1.0, excluded)[2]
                                 < VEIL_MISFIT * both + VEIL_STEP_MISFIT):
             signals, contrast = signals - veil * signals.max(axis=0), power
-    misfit, light = _mixture_fit(signals, colours if colours.shape[1] == MIXED_BANDS else reference,
-                                 contrast, chart)
-    residual = float(np.sqrt(np.mean(np.sort(misfit)[:-(patches // WORST_LEFT_OUT) or None] ** 2)))
-    return Agreement(residual, contrast, order, misfit, light)
+    misfit, light = _mixture_fit(signals, _mixed(colours, reference), contrast, chart, kept)
+    return Agreement(_rms(misfit, kept), contrast, order, misfit, light)
+
+
+def _kept(chart: Chart, excluded: np.ndarray | None) -> np.ndarray:
+    """Patches (I,) that count: all, where too few would be left."""
+    kept = np.ones(len(chart.names), bool) if excluded is None else ~np.asarray(excluded, bool)
+    return kept if np.count_nonzero(kept) >= MIN_PATCHES else np.ones_like(kept)
+
+
+def _mixed(colours: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    """What the bands of a photo may mix: the three of the reference where there are three."""
+    return colours if colours.shape[1] == MIXED_BANDS else reference
+
+
+def _rms(misfit: np.ndarray, kept: np.ndarray) -> float:
+    """Root mean square over patches, the worst twelfth left out."""
+    counted = np.sort(misfit[kept])
+    return float(np.sqrt(np.mean(counted[:-(counted.size // WORST_LEFT_OUT) or None] ** 2)))
 
 
 def reading_of_reference(image: LinearImage, quads_px: np.ndarray, reference: np.ndarray,
@@ -181,7 +203,8 @@ def _patch_medians(image: LinearImage, quads_px: np.ndarray) -> np.ndarray | Non
     return np.array(medians)
 
 
-def _log_fit(signals: np.ndarray, reference: np.ndarray, chart: Chart) -> tuple[float, float]:
+def _log_fit(signals: np.ndarray, reference: np.ndarray, chart: Chart,
+             kept: np.ndarray) -> tuple[float, float]:
     """Rms residual and contrast of log signals (I, K) = contrast x log reference + gain of the
     band + plane in x, y.
 
@@ -190,21 +213,21 @@ def _log_fit(signals: np.ndarray, reference: np.ndarray, chart: Chart) -> tuple[
     out of order or nothing is bright.
     """
     brightness = signals.sum(axis=1)
-    if brightness.max() <= 0:
+    if brightness[kept].max() <= 0:
         return np.inf, np.nan
-    neutrals = list(chart.neutrals)
+    neutrals = [patch for patch in chart.neutrals if kept[patch]]
     ranks, expected = np.argsort(np.argsort([brightness[neutrals],
                                              reference[neutrals].sum(axis=1)]))
     if len(neutrals) >= MIN_NEUTRALS and np.corrcoef(ranks, expected)[0, 1] < MIN_RANK_CORRELATION:
         return np.inf, np.nan
     bands = signals.shape[1]
     # dark patches may read 0 or less
-    floor = 1e-3 * np.maximum(signals.max(axis=0), np.finfo(np.float32).tiny)
-    logs = np.log(np.maximum(signals, floor)).ravel()
+    floor = 1e-3 * np.maximum(signals[kept].max(axis=0), np.finfo(np.float32).tiny)
+    logs = np.log(np.maximum(signals[kept], floor)).ravel()
     centres = chart_units(chart)
-    position = np.repeat(centres / centres.max(), bands, axis=0)
-    terms = np.column_stack([np.log(reference).ravel(), np.tile(np.eye(bands), (len(signals), 1)),
-                             position])
+    position = np.repeat(centres[kept] / centres.max(), bands, axis=0)
+    terms = np.column_stack([np.log(reference[kept]).ravel(),
+                             np.tile(np.eye(bands), (int(kept.sum()), 1)), position])
     solution = np.linalg.lstsq(terms, logs, rcond=None)[0]
     contrast = float(solution[0])
     if contrast <= MIN_CONTRAST:
@@ -214,7 +237,8 @@ def _log_fit(signals: np.ndarray, reference: np.ndarray, chart: Chart) -> tuple[
 
 
 def veil_fit(signals: np.ndarray, reference: np.ndarray, chart: Chart,
-             contrast: float | None = None) -> tuple[float, float, float]:
+             contrast: float | None = None,
+             excluded: np.ndarray | None = None) -> tuple[float, float, float]:
     """Veiling glare as a share of the brightest patch, the power of the light beneath it, and the
     relative rms misfit, the worst tenth left out.
 
@@ -231,14 +255,17 @@ def veil_fit(signals: np.ndarray, reference: np.ndarray, chart: Chart,
     chart : Chart
     contrast : float or None
         Where it is known: 1 of a camera raw.
+    excluded : (I,) bool array, optional
+        As of ``chart_agreement``.
     """
+    kept, centres = _kept(chart, excluded), chart_units(chart)
+    signals, reference, position = signals[kept], reference[kept], centres[kept] / centres.max()
     # a band may be dark
     brightest = np.maximum(signals.max(axis=0), 1e-6 * signals.max())
-    centres = chart_units(chart)
     measured = np.maximum(signals, 1e-3 * brightest)
     logs = np.log(reference).ravel()
     terms = np.column_stack([np.tile(np.eye(signals.shape[1]), (len(signals), 1)),
-                             np.repeat(centres / centres.max(), signals.shape[1], axis=0)])
+                             np.repeat(position, signals.shape[1], axis=0)])
     known = np.zeros(logs.size) if contrast is None else contrast * logs
     if contrast is None:
         terms = np.column_stack([terms, logs])
@@ -261,26 +288,30 @@ def veil_fit(signals: np.ndarray, reference: np.ndarray, chart: Chart,
     return best
 
 
-def _mixture_fit(signals: np.ndarray, reference: np.ndarray, contrast: float,
-                 chart: Chart) -> tuple[np.ndarray, np.ndarray]:
+def _mixture_fit(signals: np.ndarray, reference: np.ndarray, contrast: float, chart: Chart,
+                 kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Relative misfit (I,) of each patch and the light (I,) on it, bands mixing the reference's.
 
     Alternates between the mixture, by least squares of relative errors in which misfits count less
     (Huber's weights at twice the median), and a light that changes exponentially across the chart.
     """
-    floor = 1e-3 * np.maximum(signals.max(axis=0), 1e-6 * signals.max())   # a band may be dark
+    brightest = signals[kept].max(axis=0)
+    # a band may be dark
+    floor = 1e-3 * np.maximum(brightest, max(1e-6 * brightest.max(), np.finfo(float).tiny))
     linear = np.maximum(signals, floor) ** (1 / contrast)
-    darkest = DARKEST_SHARE * linear.max(axis=0)
-    light, weights, centres = np.ones(len(linear)), np.ones_like(linear), chart_units(chart)
+    darkest = DARKEST_SHARE * linear[kept].max(axis=0)
+    light, centres = np.ones(len(linear)), chart_units(chart)
+    weights = np.repeat(kept[:, None].astype(float), linear.shape[1], axis=1)
     plane = np.column_stack([np.ones(len(linear)), (centres - centres.mean(axis=0))
                              / centres.max()])
     error = np.zeros_like(linear)
     for _ in range(MIXTURE_STEPS):
         predicted = _mixed_bands(linear, light[:, None] * reference, weights, darkest)
         error = (linear - predicted) / (np.abs(predicted) + darkest)
-        weights = _huber_weights(np.abs(error))
+        error[~kept] = 0
+        weights = kept[:, None] * _huber_weights(np.abs(error), kept)
         ratio = np.log(linear.sum(axis=1) / np.maximum(predicted.sum(axis=1), darkest.sum() / 100))
-        near = np.abs(ratio) <= np.quantile(np.abs(ratio), 1 - LEFT_OUT)
+        near = kept & (np.abs(ratio) <= np.quantile(np.abs(ratio[kept]), 1 - LEFT_OUT))
         slope = np.linalg.lstsq(plane[near], ratio[near], rcond=None)[0]
         light = light * np.exp(plane[:, 1:] @ slope[1:])
     return np.sqrt(np.mean(error**2, axis=1)), light
@@ -302,13 +333,15 @@ def _mixed_bands(signals: np.ndarray, illuminated: np.ndarray, weights: np.ndarr
     return predicted
 
 
-def _huber_weights(misfit: np.ndarray) -> np.ndarray:
+def _huber_weights(misfit: np.ndarray, kept: np.ndarray | None = None) -> np.ndarray:
     """Weights by which misfits beyond twice their median count less."""
-    return np.asarray(1 / np.maximum(1, misfit / (2 * np.median(misfit) + np.finfo(float).tiny)))
+    median = np.median(misfit if kept is None else misfit[kept])
+    return np.asarray(1 / np.maximum(1, misfit / (2 * median + np.finfo(float).tiny)))
 
 
 def white_excess(signals: np.ndarray, reference: np.ndarray, light: np.ndarray,
-                 white: int = CLASSIC.neutrals[0]) -> np.ndarray:
+                 white: int = CLASSIC.neutrals[0],
+                 excluded: np.ndarray | None = None) -> np.ndarray:
     """White light (I,) added to each patch, as a share of the white patch's signal: glare.
 
     The least of the bands counts: a reflection of the lamp adds to all of them. Where the whole
@@ -324,11 +357,15 @@ def white_excess(signals: np.ndarray, reference: np.ndarray, light: np.ndarray,
         On each patch, as ``Agreement.light``.
     white : int
         Index of the white patch.
+    excluded : (I,) bool array, optional
+        Patches of which nothing is said.
     """
+    kept = np.ones(len(signals), bool) if excluded is None else ~excluded
     illuminated, brightest = light[:, None] * reference, signals[white]
     darkest = DARKEST_SHARE * brightest
-    weights, excess = np.ones_like(signals), np.zeros_like(signals)
+    weights = np.repeat(kept[:, None].astype(float), signals.shape[1], axis=1)
+    excess = np.zeros_like(signals)
     for _ in range(MIXTURE_STEPS):
         excess = signals - _mixed_bands(signals, illuminated, weights, darkest)
-        weights = _huber_weights(np.abs(excess) / (np.abs(signals) + darkest))
-    return np.maximum((excess / brightest).min(axis=1), 0.0)
+        weights = kept[:, None] * _huber_weights(np.abs(excess) / (np.abs(signals) + darkest), kept)
+    return np.where(kept, np.maximum((excess / brightest).min(axis=1), 0.0), 0.0)

@@ -15,6 +15,7 @@ import numpy as np
 
 from spectrabox.capture.chart.chart_agreement import (
     ACCEPTED_RESIDUAL,
+    HOPELESS_RESIDUAL,
     MIXED_BANDS,
     PATCH,
     WORST_ENCODED_PATCH,
@@ -43,6 +44,7 @@ QUAD_SHARE = 0.6                         # of a patch's side that is sampled
 PICTURE_SIDES = (1600, 1000, 2400)       # px, long side of the picture searched, in this order
 REGION_SHARE = 0.55                      # of the picture's sides, for a search of its parts
 MAX_MAGNIFIED = 2.0                      # more only blurs
+MIN_WIDTH_WORDS = "tenth"                # of the frame, that a chart fills: smaller ones are missed
 # as commands call it, and session.toml
 CORNERS = "--corners X,Y,X,Y,X,Y,X,Y (corners_px of [chart] in session.toml)"
 ACCEPTED_CONTRAST = (0.6, 1.9)           # power of the light; sRGB taken as linear has 0.5
@@ -59,6 +61,7 @@ MIN_GAP_DEPTH = 15                       # sRGB code values by which a gap is da
 # 0.05
 DARK_BAND = 0.02
 BRIGHT_PERCENTILE = 99
+PAINTED_OVER = 1.15                      # of the sampled patches' extent: the whole card
 MIN_GAPS = 6                             # of 38
 MIN_OUTLINED = 0.5                       # of the patches, to fit a chart to their outlines
 OVERLAY_SIDE = 1400                      # px, what a report shows
@@ -66,8 +69,8 @@ KINDS = {(4, 6): cv2.mcc.MCC24, (10, 14): cv2.mcc.SG140}     # rows and columns 
 
 
 def find_chart(image: photos.LinearImage, reference: np.ndarray,
-               corners_px: np.ndarray | None = None,
-               chart: Chart = CLASSIC) -> photos.ChartDetection:
+               corners_px: np.ndarray | None = None, chart: Chart = CLASSIC,
+               excluded: np.ndarray | None = None) -> photos.ChartDetection:
     """The chart's patches, detected or checked at the corners that the operator gave.
 
     Parameters
@@ -79,6 +82,8 @@ def find_chart(image: photos.LinearImage, reference: np.ndarray,
         The chart's fiducials in sensor pixels: of the Classic the outer corners of the patch grid
         at dark skin, bluish green, black and white; None to search the photo.
     chart : Chart
+    excluded : (I,) bool array, optional
+        Patches that the operator leaves out, which need not look like the chart's.
 
     Raises
     ------
@@ -88,7 +93,7 @@ def find_chart(image: photos.LinearImage, reference: np.ndarray,
         If the photo shows the chart mirrored, its values are not proportional to light, or the
         reference lists the patches in another order.
     """
-    detection = locate_chart(image, reference, corners_px, chart)
+    detection = locate_chart(image, reference, corners_px, chart, excluded)
     if detection.mirrored:
         raise errors.CheckError(
             f"photo {image.source} shows the chart mirrored; give the photo as the "
@@ -97,13 +102,13 @@ def find_chart(image: photos.LinearImage, reference: np.ndarray,
 
 
 def locate_chart(image: photos.LinearImage, reference: np.ndarray,
-                 corners_px: np.ndarray | None = None,
-                 chart: Chart = CLASSIC) -> photos.ChartDetection:
+                 corners_px: np.ndarray | None = None, chart: Chart = CLASSIC,
+                 excluded: np.ndarray | None = None) -> photos.ChartDetection:
     """As ``find_chart``, but a mirrored chart is returned and marked.
 
     Parameters
     ----------
-    image, reference, corners_px, chart
+    image, reference, corners_px, chart, excluded
         As in ``find_chart``.
 
     Raises
@@ -121,7 +126,7 @@ def locate_chart(image: photos.LinearImage, reference: np.ndarray,
     reading: str | None = None
     picture = signal_rgb8(image.signal)
     for quads_px, how_found in _proposals(image, picture, corners_px, chart):
-        agreement = chart_agreement(image, quads_px, reference, chart)
+        agreement = chart_agreement(image, quads_px, reference, chart, excluded)
         best = min(best, agreement.residual)
         if agreement.residual <= ACCEPTED_RESIDUAL:
             ordered = quads_px[agreement.order]
@@ -150,8 +155,8 @@ def locate_chart(image: photos.LinearImage, reference: np.ndarray,
 
 
 def find_chart_again(image: photos.LinearImage, reference: np.ndarray,
-                     before: photos.ChartDetection,
-                     chart: Chart = CLASSIC) -> photos.ChartDetection:
+                     before: photos.ChartDetection, chart: Chart = CLASSIC,
+                     excluded: np.ndarray | None = None) -> photos.ChartDetection:
     """The chart in a photo through a filter or under odd light, from the same tripod as another:
     in the same position, which the bands that are bright confirm; else searched for.
 
@@ -163,6 +168,8 @@ def find_chart_again(image: photos.LinearImage, reference: np.ndarray,
     before : ChartDetection
         In the other photo, in the pixels of this one.
     chart : Chart
+    excluded : (I,) bool array, optional
+        As of ``find_chart``.
 
     Raises
     ------
@@ -174,12 +181,13 @@ def find_chart_again(image: photos.LinearImage, reference: np.ndarray,
     seen = replace(image, signal=image.signal[..., bright], variance=image.variance[..., bright],
                    saturated=image.saturated[..., bright])
     agreement = chart_agreement(seen, before.corners_px, reference[:, bright]
-                                if len(bright) == reference.shape[1] else reference, chart)
+                                if len(bright) == reference.shape[1] else reference, chart,
+                                excluded)
     if agreement.residual <= ACCEPTED_RESIDUAL and np.array_equal(
             agreement.order, np.arange(len(chart.names))):
         return replace(before, confidence=float(np.exp(-agreement.residual / CONFIDENCE_SCALE)),
                        how_found=Finding("chart.found-in-same-place", Severity.INFO))
-    return find_chart(image, reference, None, chart)
+    return find_chart(image, reference, None, chart, excluded)
 
 
 def chart_overlay(image: photos.LinearImage, detection: photos.ChartDetection) -> np.ndarray:
@@ -204,6 +212,36 @@ def chart_overlay(image: photos.LinearImage, detection: photos.ChartDetection) -
             cv2.putText(picture, str(number), origin, cv2.FONT_HERSHEY_SIMPLEX, max(size / 60, 0.3),
                         colour, thickness, cv2.LINE_AA)
     return picture
+
+
+def other_charts(image: photos.LinearImage, detection: photos.ChartDetection,
+                 reference: np.ndarray, chart: Chart = CLASSIC) -> list[np.ndarray]:
+    """Centres (2,) in sensor pixels of further charts in a photo, or cards much like one.
+
+    Parameters
+    ----------
+    image : LinearImage
+    detection : ChartDetection
+        Of the one that is measured, which is painted over.
+    reference, chart
+        As of ``find_chart``.
+    """
+    if not chart.detectable:
+        return []
+    picture, scale = _resized(signal_rgb8(image.signal), PICTURE_SIDES[0])
+    picture = np.ascontiguousarray(picture)
+    corners = (image_from_sensor(detection.corners_px, image.sensor_step) + 0.5) * scale - 0.5
+    middle = corners.mean(axis=(0, 1))
+    outline = cv2.convexHull(np.rint(middle + PAINTED_OVER * (corners - middle)).astype(
+        np.int32).reshape(-1, 1, 2))
+    cv2.fillConvexPoly(picture, outline, (0, 0, 0))
+    found: list[np.ndarray] = []
+    for proposed in _mcc_quads(picture, chart):
+        quads = sensor_from_image((_fitted_quads(picture, proposed, chart) + 0.5) / scale - 0.5,
+                                  image.sensor_step)
+        if chart_agreement(image, quads, reference, chart).residual < HOPELESS_RESIDUAL:
+            found.append(quads.mean(axis=(0, 1)))
+    return found
 
 
 # ---- proposals -----------------------------------------------------------------------------------
@@ -366,6 +404,10 @@ def _require_chart(image: photos.LinearImage, agreement: Agreement, chart: Chart
         remedy = _dark_bands(image) or ("uncover and clean the chart, keep reflections off it, and "
                                         f"use a {chart.name.removeprefix('ColorChecker ')}: "
                                         f"{len(chart.names)} patches of this very order")
+        if len(chart.names) - worst.size >= photos.MIN_PATCHES:
+            numbers = ", ".join(str(patch + 1) for patch in sorted(worst.tolist()))
+            remedy += (f"; or measure on the others: --leave-out {numbers.replace(' ', '')} "
+                       f"(leave_out = [{numbers}] under [chart] of session.toml)")
         raise errors.CheckError(f"photo {image.source}: patch "
                          f"{', '.join(str(patch + 1) for patch in worst[:6])} of the chart "
                          f"read{'s' if worst.size == 1 else ''} unlike a {chart.name} "
@@ -435,11 +477,15 @@ def patch_gap(rgb8: np.ndarray, quads: np.ndarray, chart: Chart = CLASSIC) -> fl
 def _not_found(image: photos.LinearImage, residual: float, chart: Chart, by_hand: bool) -> str:
     limit = f"at most {ACCEPTED_RESIDUAL} is accepted"
     if by_hand:
-        misfit = (f"disagree with a chart by {residual:.2f}" if np.isfinite(residual)
-                else "are nothing like a chart")
-        return (f"photo {image.source}: the patches at the given corners {misfit} (relative rms, "
-                f"{limit}); give {CORNERS} as the outer corners of the patch grid at "
-                f"{chart.corner_words}")
+        if not np.isfinite(residual):
+            return (f"photo {image.source}: patches at the given corners lie outside the photo; "
+                    f"give {CORNERS} as the outer corners of the patch grid at "
+                    f"{chart.corner_words}")
+        misfit = "disagree with a chart" if residual < HOPELESS_RESIDUAL else \
+            "are nothing like a chart"
+        return (f"photo {image.source}: the patches at the given corners {misfit} (relative rms "
+                f"{residual:.2f}, {limit}); give {CORNERS} as the outer corners of the patch grid "
+                f"at {chart.corner_words}")
     if not chart.detectable:
         return (f"a {chart.name} cannot be found in photo {image.source} by itself; give {CORNERS} "
                 f"({chart.corner_words}) in pixels of the photo")
@@ -448,7 +494,7 @@ def _not_found(image: photos.LinearImage, residual: float, chart: Chart, by_hand
         nearest = f" (the likeliest place disagrees by {residual:.2f}, {limit})"
     remedy = _dark_bands(image) or (
         "photograph the whole chart, none of its patches cut off, so that it fills at least a "
-        "quarter of the frame in even light without glare; where it is there and only not found, "
-        f"give {CORNERS} at {chart.corner_words}")
+        f"{MIN_WIDTH_WORDS} of the frame's width, in even light without glare; where it is there "
+        f"and only not found, give {CORNERS} at {chart.corner_words}")
     named = "ColorChecker" if chart.name == CLASSIC.name else chart.name
     return f"no {named} was found in photo {image.source}{nearest}; {remedy}"

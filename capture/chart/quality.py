@@ -7,7 +7,7 @@ function here that ``judge_chart`` calls, and its text in ``measure.texts``.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import map_coordinates
@@ -21,7 +21,7 @@ from spectrabox.capture.chart.chart_agreement import (
     veil_fit,
     white_excess,
 )
-from spectrabox.capture.chart.detection import homography
+from spectrabox.capture.chart.detection import homography, other_charts
 from spectrabox.capture.chart.patches import image_from_sensor, patches_and_excluded
 from spectrabox.radiometry import chart_causes
 from spectrabox.radiometry.appearance import encode_srgb
@@ -49,6 +49,7 @@ MAX_MEAN_ERROR = 0.02            # of a patch's mean, or of a tenth of the brigh
 # of white, that a band of a camera holds of another band of an ordinary one: .09 on average of 40
 # cameras under lamps with and without lines, .19 at most (red of green)
 MIXING_SD = 0.12
+CONVERTED = "file.converted-colours"
 PROFILE_POINTS = 61
 HALF_EDGE = 15.0                 # of the profile across an outer edge; a patch's side is 40
 NO_EDGE = 2                      # darkest neutral patches, that do not stand out from the frame
@@ -82,7 +83,8 @@ class ChartVerdict:
 
 
 def judge_chart(image: photos.LinearImage, detection: photos.ChartDetection, reference: np.ndarray,
-                chart: Chart = CLASSIC, *, light_explained: bool = False) -> ChartVerdict:
+                chart: Chart = CLASSIC, *, light_explained: bool = False,
+                excluded: np.ndarray | None = None) -> ChartVerdict:
     """Measure the patches and say whether to keep the photo.
 
     Parameters
@@ -95,53 +97,62 @@ def judge_chart(image: photos.LinearImage, detection: photos.ChartDetection, ref
     light_explained : bool
         The light over the chart will be compared with that of a scene (``uneven_light``): its
         fall-off alone is no reason to shoot again.
+    excluded : (I,) bool array, optional
+        Patches that the operator leaves out: nothing is found of them.
 
     Raises
     ------
     CheckError
         If a patch leaves the photo or holds fewer than 16 pixels.
     """
-    samples, excluded = patches_and_excluded(image, detection)
-    agreement = chart_agreement(image, detection.corners_px, reference, chart)
+    samples, stand_out = patches_and_excluded(image, detection)
+    left_out = np.zeros(len(chart.names), bool) if excluded is None else excluded
+    agreement = chart_agreement(image, detection.corners_px, reference, chart, left_out)
     uneven = _range(agreement.light)
     # A file that went through a tone curve is undone by its power, as well as one number can.
     linear = (samples.mean if image.kind is photos.PhotoKind.RAW
               else np.maximum(samples.mean, 0) ** (1 / agreement.contrast))
-    grey = reference.sum(axis=1)
-    lightest, darkest = ((chart.neutrals[0], chart.neutrals[-1]) if chart.neutrals
-                         else (int(grey.argmax()), int(grey.argmin())))
+    grey = np.where(left_out, np.nan, reference.sum(axis=1))
+    neutrals = [patch for patch in chart.neutrals if not left_out[patch]]
+    lightest, darkest = ((neutrals[0], neutrals[-1]) if neutrals
+                         else (int(np.nanargmax(grey)), int(np.nanargmin(grey))))
     veil, glare = 0.0, np.zeros(len(linear))
     if linear.shape[1] == MIXED_BANDS:      # other bands are no mixture of the reference's
         if image.kind is photos.PhotoKind.RAW:
-            veil = veil_fit(linear, reference, chart, contrast=1.0)[0]
+            veil = veil_fit(linear, reference, chart, 1.0, left_out)[0]
         veil = veil if veil > MAX_GLARE else 0.0
         glare = white_excess(linear - veil * linear.max(axis=0), reference, agreement.light,
-                             lightest)
-    white, pixels = float(samples.mean[lightest].max()), int(samples.pixels.min())
+                             lightest, left_out)
+    shown, white, pixels = (_without(samples, left_out), float(samples.mean[lightest].max()),
+                            int(samples.pixels.min()))
     tilt = tilt_deg(detection.corners_px, chart)
     widths, names = edge_widths(image, detection.corners_px, chart), chart.names
     blur = float(widths.max())
+    kept_names = [name for name, out in zip(names, left_out, strict=True) if not out]
     processed = image.kind is photos.PhotoKind.PROCESSED
-    findings = [*clipped(samples, names), *dark(white),
+    findings = [*clipped(shown, kept_names), *dark(white),
                 *([] if light_explained else uneven_light(agreement.light)), *veiled(veil),
                 *glaring(glare, names, MAX_PROCESSED_GLARE if processed else MAX_GLARE),
                 *tilted(tilt), *blurred(widths)]
     if not processed:   # a camera that smooths and sharpens its photos: their noise says nothing
-        findings += [*black_noisy(samples, darkest, white), *glints(excluded, names),
-                     *small(samples, names)]
-    findings = told_apart(findings, samples, reference, chart)
-    findings += [*no_raw_file(image), Finding("chart.figures", Severity.INFO, values={
+        findings += [*black_noisy(samples, darkest, white),
+                     *glints(stand_out[~left_out], kept_names), *small(shown, kept_names)]
+    if any(one.code == CONVERTED for one in image.findings):    # that is the cause of them all
+        findings = [one for one in findings if not chart_causes.claims([one])]
+    findings = [*image.findings, *told_apart(findings, samples, reference, chart, left_out)]
+    findings += [*others(image, detection, reference, chart), *no_raw_file(image),
+                 Finding("chart.figures", Severity.INFO, values={
         "white": white, "uneven": uneven, "glare": float(glare.max()), "tilt_deg": tilt,
         "blur": blur, "pixels": pixels,
         "white_8bit": 255 * float(encode_srgb(np.array(white))) if processed else None})]
-    return ChartVerdict(tuple(findings), samples, excluded, white, agreement.light, uneven,
+    return ChartVerdict(tuple(findings), samples, stand_out, white, agreement.light, uneven,
                         float(glare.max()), veil, tilt, blur, pixels)
 
 
 # ---- rules ---------------------------------------------------------------------------------------
 
 def told_apart(findings: Sequence[Finding], samples: photos.PatchSamples, reference: np.ndarray,
-               chart: Chart = CLASSIC) -> list[Finding]:
+               chart: Chart = CLASSIC, excluded: np.ndarray | None = None) -> list[Finding]:
     """Findings, of which those that name a cause stay where the patches exclude its rivals; in
     place of the others comes one with the causes that they do not.
 
@@ -153,14 +164,44 @@ def told_apart(findings: Sequence[Finding], samples: photos.PatchSamples, refere
     reference : (I, 3) or (I, K) array
         As of ``judge_chart``; in other bands than three findings stay as they are.
     chart : Chart
+    excluded : (I,) bool array, optional
+        As of ``judge_chart``.
     """
     if samples.mean.shape[1] != MIXED_BANDS or reference.shape[1] != MIXED_BANDS \
             or not chart_causes.claims(findings):
         return list(findings)
+    unread = samples.clipped if excluded is None else samples.clipped | excluded[:, None]
     ranking = chart_causes.ranked(chart_causes.PatchSignals(
-        np.where(samples.clipped, np.nan, samples.mean), reference, samples.standard_error,
+        np.where(unread, np.nan, samples.mean), reference, samples.standard_error,
         chart_units(chart), MIXING_SD))
     return chart_causes.settled(findings, ranking, "chart.cause")
+
+
+def _without(samples: photos.PatchSamples, excluded: np.ndarray) -> photos.PatchSamples:
+    """Statistics of the patches that are not left out."""
+    kept = ~excluded
+    return replace(samples, mean=samples.mean[kept],
+                   covariance_of_mean=samples.covariance_of_mean[kept],
+                   pixels=samples.pixels[kept],
+                   saturated_fraction=samples.saturated_fraction[kept],
+                   gradient=samples.gradient[kept])
+
+
+def others(image: photos.LinearImage, detection: photos.ChartDetection, reference: np.ndarray,
+           chart: Chart) -> list[Finding]:
+    """Further charts in view, or cards much like one.
+
+    Parameters
+    ----------
+    image : LinearImage
+    detection : ChartDetection
+    reference, chart
+        As of ``judge_chart``.
+    """
+    centres = other_charts(image, detection, reference, chart)
+    return [Finding("chart.another", Severity.NOTE, values={
+        "charts": len(centres), "centres_px": [centre.tolist() for centre in centres]})] \
+        if centres else []
 
 
 def clipped(samples: photos.PatchSamples, names: Sequence[str]) -> list[Finding]:

@@ -24,7 +24,7 @@ from spectrabox.capture.photo.preview import AS_READ, turned
 from spectrabox.capture.photo.processed_photos import NotLinearError
 from spectrabox.capture.photo.raw import read_raw
 from spectrabox.radiometry.errors import CheckError, InputError
-from spectrabox.radiometry.findings import Finding, Severity
+from spectrabox.radiometry.findings import Finding, Severity, each_once
 from spectrabox.radiometry.records.photos import LinearImage, PhotoKind, RawFrame
 
 WELL_EXPOSED_PERCENTILE = 99.0
@@ -318,6 +318,7 @@ def develop_photos(photos: Sequence[Path], darks: Sequence[Path], flat: Path | N
         left = (1 - 1 / len(pairs)) * common_variance(*pairs[0])
         images.append(dataclasses.replace(mean, variance=mean.variance + left.astype(np.float32)))
         findings += ratios
+    findings = [*each_once(one for image in images for one in image.findings), *findings]
     merged, ratios = merge_exposures(images)
     merged = only_channels(merged, channels)
     if flat is not None:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.capture.photo.metadata import PhotoMetadata
+from spectrabox.radiometry.errors import InputError
 
 COLOUR_INDEX = {"R": 0, "G": 1, "B": 2}
 MIN_MASKED = 256             # samples of each position: an error of 0.06 of the read noise
@@ -26,7 +27,55 @@ MARGIN_SIGMA = 4.0           # of read noise: a margin above the darkest pixels 
 SHARE_OF_WHITE = 0.002       # by which black drifts between what a camera states and what it read
 
 
-def tile_of(raw: Any, metadata: PhotoMetadata) -> tuple[np.ndarray, np.ndarray]:
+def departures(raw: Any, metadata: PhotoMetadata,
+               name: str) -> tuple[np.ndarray, np.ndarray] | None:
+    """DN by which black departs from its mean in each row (H,) and column (W,) of the whole mosaic,
+    as a DNG states it (BlackLevelDelta), 0 where it states nothing; None if it states none at all.
+
+    Parameters
+    ----------
+    raw : rawpy.RawPy
+        Opened.
+    metadata : PhotoMetadata
+        Of the same file.
+    name : str
+        Of the file, for errors.
+
+    Raises
+    ------
+    InputError
+        If their number is not that of the visible rows or columns.
+    """
+    if not any(metadata.black_rows) and not any(metadata.black_columns):
+        return None
+    sizes = raw.sizes
+    sides = []
+    for stated, first, visible, whole, start, which in (
+            (metadata.black_rows, metadata.active_origin[0], sizes.height, sizes.raw_height,
+             sizes.top_margin, "rows"),
+            (metadata.black_columns, metadata.active_origin[1], sizes.width, sizes.raw_width,
+             sizes.left_margin, "columns")):
+        side = np.zeros(whole)
+        if stated:
+            if not (first <= start and start + visible <= first + len(stated) <= whole):
+                raise InputError(f"raw photo {name} states black levels of {len(stated)} {which} "
+                                 f"and has {visible}; it is damaged: copy it from the camera card "
+                                 "again")
+            levels = np.array([float(level) for level in stated])
+            side[first:first + len(stated)] = levels - levels.mean()
+        sides.append(side)
+    return sides[0], sides[1]
+
+
+def mean_departure(metadata: PhotoMetadata) -> float:
+    """What the stated departures add to the black level on average, DN."""
+    return float(sum(float(sum(stated)) / len(stated) for stated in
+                     (metadata.black_rows, metadata.black_columns) if stated))
+
+
+def tile_of(raw: Any, metadata: PhotoMetadata,
+            departing: tuple[np.ndarray, np.ndarray] | None = None
+            ) -> tuple[np.ndarray, np.ndarray]:
     """Colour (a, b) and black level (a, b), DN, of the tile that starts at the first visible pixel.
 
     Parameters
@@ -35,6 +84,8 @@ def tile_of(raw: Any, metadata: PhotoMetadata) -> tuple[np.ndarray, np.ndarray]:
         Opened.
     metadata : PhotoMetadata
         Of the same file.
+    departing : tuple of (H,) and (W,) array, optional
+        As of ``departures``.
     """
     origin = (raw.sizes.top_margin, raw.sizes.left_margin)
     pattern = (1, 1) if raw.num_colors == 1 else raw.raw_pattern.shape
@@ -49,7 +100,9 @@ def tile_of(raw: Any, metadata: PhotoMetadata) -> tuple[np.ndarray, np.ndarray]:
     else:
         cfa = np.array([[COLOUR_INDEX[letters[index]] for index in row] for row in colour])
         by_libraw = by_libraw[colour]
-    masked = masked_black(raw.raw_image, metadata.masked_areas, origin, shape)
+    whole = raw.raw_image if departing is None else \
+        raw.raw_image - departing[0][:, None].astype(np.float32) - departing[1].astype(np.float32)
+    masked = masked_black(whole, metadata.masked_areas, origin, shape)
     if masked is not None:
         return cfa, masked
     stated = _stated_black(metadata, origin, shape)
@@ -58,7 +111,7 @@ def tile_of(raw: Any, metadata: PhotoMetadata) -> tuple[np.ndarray, np.ndarray]:
     same = stated is not None and np.all(np.abs(np.sort(stated, axis=None)
                                                 - np.sort(by_libraw, axis=None)) < 1)
     known = stated if stated is not None and (same or metadata.masked_areas) else by_libraw
-    margins = dark_margins(raw.raw_image, (*origin, raw.sizes.height, raw.sizes.width), shape,
+    margins = dark_margins(whole, (*origin, raw.sizes.height, raw.sizes.width), shape,
                            known, float(raw.white_level))
     return cfa, known if margins is None else margins
 
@@ -76,7 +129,8 @@ def full_colour_black(raw: Any, metadata: PhotoMetadata) -> np.ndarray:
     by_libraw = np.asarray(raw.black_level_per_channel, dtype=float)[:3]
     if metadata.black_level is None or len(metadata.black_level) not in (1, 3):
         return by_libraw
-    stated = np.broadcast_to([float(level) for level in metadata.black_level], 3)
+    stated = mean_departure(metadata) + np.broadcast_to(
+        [float(level) for level in metadata.black_level], 3)
     return np.array(stated) if np.all(np.abs(stated - by_libraw) < 1) else by_libraw
 
 
@@ -168,7 +222,7 @@ def _stated_black(metadata: PhotoMetadata, origin: tuple[int, int],
                   shape: tuple[int, ...]) -> np.ndarray | None:
     if metadata.black_level is None:
         return None
-    levels = np.array([float(level) for level in metadata.black_level])
+    levels = mean_departure(metadata) + np.array([float(level) for level in metadata.black_level])
     rows, columns = metadata.black_repeat
     if levels.size == 1:
         return np.full(shape, levels[0])

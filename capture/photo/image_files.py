@@ -8,18 +8,24 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.capture.photo import stored_images
+from spectrabox.capture.photo.clipping import clip_levels
 from spectrabox.capture.photo.noise import photon_transfer
 from spectrabox.capture.photo.processed_photos import require_no_processed_file
 from spectrabox.radiometry.appearance import decode_srgb
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import sha256_of
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.photos import LinearImage, PhotoKind
+from spectrabox.radiometry.records.spectra import default_band_names
 
 CLIP_FRACTION = 0.98
 HALF_STEP, SINGLE_STEP = 2.0**-11, 2.0**-24     # relative rounding of floats
 HALVES = ("half", "float16")
 MIN_BANDS = 3
 ARRAY = "array"         # the source of what a program holds
+# A converted colour space: a pixel lit by at least a share of the brightest, negative beyond its
+# noise and by a share of its largest band, in a share of the picture.
+BRIGHT_PERCENTILE, LIT, NEGATIVE_SIGMA, NEGATIVE, MIN_NEGATIVE_SHARE = 99.0, 0.05, 5.0, 0.005, 0.002
 
 
 def require_linear_file(path: Path) -> None:
@@ -45,9 +51,10 @@ def read_linear_file(path: str | os.PathLike[str]) -> LinearImage:
     """Read a linear EXR or TIFF; 16-bit values are taken as fractions of 65535.
 
     Bands named R, G, B come in that order, all others as the file has them; alpha and depth are
-    dropped. Saturated are values from 0.98 of full scale in integer files, and in float files whose
-    values all lie up to 1; a float file that goes beyond 1 states no clip point, and nothing is
-    marked. The variance comes from the picture (noise.py).
+    dropped. Black and white levels that a TIFF states are applied. Saturated are values from 0.98
+    of full scale, or of the white level, in integer files, and of 1 in float files whose values all
+    lie up to it; and, in any file, bands from 0.98 of where their bright pixels pile up
+    (clipping.py). The variance comes from the picture (noise.py).
 
     Parameters
     ----------
@@ -69,8 +76,18 @@ def read_linear_file(path: str | os.PathLike[str]) -> LinearImage:
         return _developed(values, header)
     signal = _bands(values, header)
     del values      # a photo may fill half of the memory
-    signal *= np.float32(1 / header.full_scale())
-    return _linear_image(signal, header, *_clip_and_step(signal, header.kind))
+    if header.levels is None:
+        signal *= np.float32(1 / header.full_scale())
+        clip, step = _clip_and_step(signal, header.kind)
+        return _linear_image(signal, header, np.full(signal.shape[2], clip), step)
+    # what is at 0.98 of the white level is clipped, as in a raw
+    white = header.levels.white
+    black = header.levels.black.mean(axis=(0, 1))
+    clips = (CLIP_FRACTION * white - black) / (white - black)
+    header.levels.apply(signal)
+    step = _clip_and_step(signal, header.kind)[1] * header.full_scale() / (white - black).min() \
+        if header.kind in stored_images.FULL_SCALE else _clip_and_step(signal, header.kind)[1]
+    return _linear_image(signal, header, clips, step)
 
 
 def _bands(values: np.ndarray, header: stored_images.PictureHeader) -> np.ndarray:
@@ -93,27 +110,59 @@ def _clip_and_step(signal: np.ndarray, kind: str) -> tuple[float, float]:
     return (CLIP_FRACTION if signal.max() <= 1 else np.inf), step * float(np.abs(signal).max())
 
 
-def _clipped_and_noise(signal: np.ndarray, clip: float, quantum: float,
-                       name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Which pixels (H, W, K) are saturated, and their variance, as they tell it themselves."""
-    saturated = signal >= clip
+def _clipped_and_noise(signal: np.ndarray, clips: np.ndarray, quantum: float, name: str,
+                       piles: bool = True) -> tuple[np.ndarray, np.ndarray]:
+    """Which pixels (H, W, K) are saturated, above a clip point (K,) or where a band piles up below
+    it, and their variance, as they tell it themselves.
+    """
+    saturated = signal >= clips.astype(np.float32)
+    for band, clip in enumerate(clip_levels(signal, quantum, name, saturated) if piles else ()):
+        if clip is not None:
+            saturated[..., band] |= signal[..., band] >= CLIP_FRACTION * clip
     variance = photon_transfer(signal, saturated, quantum, name).variance(signal)
     for array in (signal, saturated, variance):
         array.flags.writeable = False  # the record then keeps them without a copy
     return saturated, variance
 
 
-def _linear_image(signal: np.ndarray, header: stored_images.PictureHeader, clip: float,
+def converted_colours(signal: np.ndarray, variance: np.ndarray) -> tuple[Finding, ...]:
+    """Pixels that are negative in a band beyond their noise while others of their bands see light:
+    no sensor does that, a matrix to another colour space does.
+
+    Parameters
+    ----------
+    signal, variance : (H, W, K) arrays
+    """
+    stride = max(1, int(np.sqrt(signal[..., 0].size / 250_000)))
+    shown, noise = signal[::stride, ::stride], variance[::stride, ::stride]
+    largest = shown.max(axis=2)
+    bright = float(np.percentile(largest, BRIGHT_PERCENTILE))
+    seen = largest > LIT * bright
+    negative = seen[..., None] & (shown < -NEGATIVE_SIGMA * np.sqrt(noise)) \
+        & (shown < -NEGATIVE * largest[..., None])
+    shares = negative.mean(axis=(0, 1))
+    if shares.max() < MIN_NEGATIVE_SHARE:
+        return ()
+    band = int(shares.argmax())
+    return (Finding("file.converted-colours", Severity.WARN, values={
+        "band": default_band_names(shares.size)[band], "share": float(shares[band]),
+        "lowest": float(np.percentile(shown[..., band][negative[..., band]], 1) / bright)}),)
+
+
+def _linear_image(signal: np.ndarray, header: stored_images.PictureHeader, clips: np.ndarray,
                   quantum: float, kind: PhotoKind = PhotoKind.LINEAR_FILE) -> LinearImage:
     """A photo whose noise and saturation its own pixels tell."""
     stored_images.require_finite(header.path.name, signal)
-    saturated, variance = _clipped_and_noise(signal, clip, quantum, header.path.name)
+    linear = kind is PhotoKind.LINEAR_FILE
+    saturated, variance = _clipped_and_noise(signal, clips, quantum, header.path.name, linear)
+    findings = (*header.findings, *converted_colours(signal, variance)) if linear else ()
     return LinearImage(
         signal=signal, variance=variance, saturated=saturated, sensor_step=1.0,
         exposure_s=header.positive("ExposureTime"),
         iso=header.positive("Exif:PhotographicSensitivity")
         or header.positive("Exif:ISOSpeedRatings"), f_number=header.positive("FNumber"),
-        kind=kind, camera=header.camera, source=header.path.name, sha256=sha256_of(header.path))
+        kind=kind, camera=header.camera, source=header.path.name, sha256=sha256_of(header.path),
+        findings=findings)
 
 
 def _developed(values: np.ndarray, header: stored_images.PictureHeader) -> LinearImage:
@@ -172,10 +221,12 @@ def image_of_array(values: np.ndarray) -> LinearImage:
     scale = stored_images.FULL_SCALE.get(kind, 1)
     signal = (values / np.float32(scale)).astype(np.float32)
     stored_images.require_finite(ARRAY, signal)
-    saturated, variance = _clipped_and_noise(signal, *_clip_and_step(signal, kind), ARRAY)
+    clip, step = _clip_and_step(signal, kind)
+    saturated, variance = _clipped_and_noise(signal, np.full(signal.shape[2], clip), step, ARRAY)
     return LinearImage(signal=signal, variance=variance, saturated=saturated, sensor_step=1.0,
                        exposure_s=None, iso=None, f_number=None, kind=PhotoKind.LINEAR_FILE,
-                       camera="", source=ARRAY, sha256=hashlib.sha256(signal.tobytes()).hexdigest())
+                       camera="", source=ARRAY, sha256=hashlib.sha256(signal.tobytes()).hexdigest(),
+                       findings=converted_colours(signal, variance))
 
 
 def read_encoded_file(path: str | os.PathLike[str]) -> LinearImage:
@@ -191,7 +242,8 @@ def read_encoded_file(path: str | os.PathLike[str]) -> LinearImage:
         If the file is missing or damaged, or has fewer than 3 bands.
     """
     encoded, header = _encoded(Path(path))
-    return _linear_image(decode_srgb(encoded).astype(np.float32), header, clip=CLIP_FRACTION,
+    return _linear_image(decode_srgb(encoded).astype(np.float32), header,
+                         clips=np.full(encoded.shape[2], CLIP_FRACTION),
                          quantum=1 / stored_images.FULL_SCALE.get(header.kind, 1) / 12.92,
                          kind=PhotoKind.PROCESSED)
 

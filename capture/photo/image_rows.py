@@ -72,7 +72,7 @@ def open_rows(path: Path) -> PictureRows:
         raise InputError(f"photo {path.name} has {len(bands)} band(s) "
                          f"({', '.join(header.names)}); at least 3 are needed")
     stored_images.require_decodable(path, spec, _rows_at_once(file), stored_images.LINEAR_BYTES)
-    return PictureRows(spec.height, spec.width, len(bands), _reader(path, file, bands),
+    return PictureRows(spec.height, spec.width, len(bands), _reader(path, file, bands, header),
                        spec.tile_height or 1)
 
 
@@ -102,7 +102,8 @@ def open_encoded(path: Path) -> PictureRows:
     return _rows_of_array(signal)
 
 
-def _reader(path: Path, file: Any, bands: Sequence[int]) -> strips.ReadRows:
+def _reader(path: Path, file: Any, bands: Sequence[int],
+            header: stored_images.PictureHeader) -> strips.ReadRows:
     """A function of (first, last) that reads some channels of rows."""
     spec = file.spec()
 
@@ -117,6 +118,9 @@ def _reader(path: Path, file: Any, bands: Sequence[int]) -> strips.ReadRows:
                              f"({reason_of(file)}); copy or export it again")
         signal = np.asarray(stored).reshape(last - first, spec.width, -1)[..., bands]
         stored_images.require_finite(path.name, signal)
+        if header.levels is not None:
+            signal = np.ascontiguousarray(signal)
+            header.levels.apply(signal, first, header.full_scale())
         return signal
 
     return strips.read_by_strips(read, spec.height, spec.tile_height) if spec.tile_width else read

@@ -6,14 +6,17 @@ Nothing is demosaiced. A tile is 2 x 2 samples of a Bayer sensor, 3 x 3 of an X-
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from spectrabox.capture.photo import raw
+from spectrabox.capture.photo.clipping import SAMPLES, clip_levels, dark_noise, pile_of
 from spectrabox.capture.photo.image_files import read_linear_file
 from spectrabox.capture.photo.noise import PhotonTransfer, photon_transfer
+from spectrabox.capture.photo.opcodes import gains_at
 from spectrabox.capture.photo.processed_photos import require_no_processed_file
 from spectrabox.capture.photo.stored_images import is_image_file, read_header
 from spectrabox.radiometry.errors import InputError
@@ -26,6 +29,10 @@ DARKEST = 0.1           # per cent of the pixels of a band
 MIN_UNKNOWN_BLACK = 0.02    # of the white level, in all of them, with black stated as 0: chart and
 # camera hold something darker, and cameras put black at 3 % or more
 ROWS_AT_ONCE = 32       # of tiles
+# Rows of two gains: of one colour, pairs of neighbours that step up and down by turns, by more than
+# a logarithm, in this share more of the pairs than not; rows whose mean is above a share of white.
+ROWS_IN_TURN, MIN_ROW_STEP, MIN_ROW_SIGNAL, MIN_ROW_PAIRS = 0.9, 0.15, 0.002, 16
+MAX_COLUMNS = 500       # of tiles, that a row's mean is taken of
 
 
 def open_photo(path: str | os.PathLike[str]) -> photos.LinearImage:
@@ -97,6 +104,7 @@ def linear_image(frame: photos.RawFrame, noise: PhotonTransfer | None = None,
         If the sensor's tile does not hold every colour, or the black level lies above the picture,
         or is stated as 0 and far below it.
     """
+    _require_one_gain(frame)
     step = tile_step(frame.cfa, frame.file)
     bands = int(frame.cfa.max()) + 1
     positions = _positions(frame, step)
@@ -109,19 +117,17 @@ def linear_image(frame: photos.RawFrame, noise: PhotonTransfer | None = None,
     tiles = (frame.cfa.shape[0] // step) * (frame.cfa.shape[1] // step)
     quantum = np.sqrt(variance_of_rounding / tiles)
     samples = np.bincount([position.band for position in positions]) // tiles
-    clips = clip_points(frame)
+    clips = clip_points(frame, signal, quantum, samples)
     saturated = _saturated(frame, positions, signal.shape, clips)
     transfer = noise or photon_transfer(signal, saturated, quantum, frame.file, samples)
     if dark is None and not frame.black_level.any():
         _require_black_at_zero(frame, signal, saturated, quantum, samples)
-    believed = np.array([clip if piles_up(frame, clip, band, transfer) else frame.white_level
-                         for band, clip in enumerate(clips)])
-    if np.any(believed != clips):
-        saturated = _saturated(frame, positions, signal.shape, believed)
-        transfer = noise or photon_transfer(signal, saturated, quantum, frame.file, samples)
     variance = transfer.variance(signal)
     if dark_part is not None:
         variance += dark_part
+    if frame.gain_maps:
+        mean_of_squares = _with_gains(frame, positions, dark, signal)
+        variance *= mean_of_squares
     return _image(frame, signal, variance, saturated, float(step), photos.PhotoKind.RAW)
 
 
@@ -137,8 +143,11 @@ def signal_alone(frame: photos.RawFrame) -> np.ndarray:
     InputError
         As ``linear_image``.
     """
-    signal, _ = _developed(frame, _positions(frame, tile_step(frame.cfa, frame.file)), None, None)
+    positions = _positions(frame, tile_step(frame.cfa, frame.file))
+    signal, _ = _developed(frame, positions, None, None)
     _require_above_black(frame, signal)
+    if frame.gain_maps:
+        _with_gains(frame, positions, None, signal)
     return signal
 
 
@@ -153,13 +162,45 @@ def _developed(frame: photos.RawFrame, positions: list[_Position], dark: np.ndar
         signal[rows] = 0
         for position in positions:
             samples, pixels = position.within(rows, height, width)
-            level = np.float32(position.black) if dark is None else dark[samples]
-            plane = np.subtract(frame.mosaic[samples], level, dtype=np.float32)
-            plane *= np.float32(position.per_dn)
-            signal[pixels] += plane
+            signal[pixels] += _sample_signal(frame, position, samples, dark)
             if dark_part is not None and dark_variance is not None:
                 dark_part[pixels] += dark_variance[samples] * np.float32(position.per_dn**2)
     return signal, dark_part
+
+
+def _sample_signal(frame: photos.RawFrame, position: _Position, samples: tuple[slice, slice],
+                   dark: np.ndarray | None) -> np.ndarray:
+    """What samples of one position add to the signal of their pixels."""
+    level = np.float32(position.black) if dark is None else dark[samples]
+    plane = np.subtract(frame.mosaic[samples], level, dtype=np.float32)
+    if dark is None and frame.black_rows is not None:
+        plane -= frame.black_rows[samples[0]].astype(np.float32)[:, None]
+    if dark is None and frame.black_columns is not None:
+        plane -= frame.black_columns[samples[1]].astype(np.float32)
+    plane *= np.float32(position.per_dn)
+    return plane
+
+
+def _with_gains(frame: photos.RawFrame, positions: list[_Position], dark: np.ndarray | None,
+                signal: np.ndarray) -> np.ndarray:
+    """Put the signal (H, W, K) with the gains of every sample into ``signal``: the mean square of
+    a pixel's gains.
+    """
+    height, width = signal.shape[:2]
+    squares = np.zeros_like(signal)
+    alike = np.bincount([position.band for position in positions]) * (
+        positions[0].step**2 / frame.cfa.size)
+    for rows in _blocks_of_rows(height, positions):
+        signal[rows] = 0
+        for position in positions:
+            samples, pixels = position.within(rows, height, width)
+            y, x = (np.arange(*one.indices(side))
+                    for one, side in zip(samples, frame.mosaic.shape, strict=True))
+            gains = gains_at(frame.gain_maps, (frame.mosaic.shape[0], frame.mosaic.shape[1]), y, x,
+                             position.band)
+            signal[pixels] += gains * _sample_signal(frame, position, samples, dark)
+            squares[pixels] += np.square(gains) / np.float32(alike[position.band])
+    return squares
 
 
 def full_colour_image(frame: raw.FullColourFrame) -> photos.LinearImage:
@@ -172,13 +213,28 @@ def full_colour_image(frame: raw.FullColourFrame) -> photos.LinearImage:
     ----------
     frame : FullColourFrame
     """
+    scale = frame.white_level - frame.black_level
     signal = (frame.pixels - frame.black_level.astype(np.float32))
-    signal /= (frame.white_level - frame.black_level).astype(np.float32)
+    if frame.black_rows is not None:
+        signal -= frame.black_rows.astype(np.float32)[:, None, None]
+    if frame.black_columns is not None:
+        signal -= frame.black_columns.astype(np.float32)[:, None]
+    signal /= scale.astype(np.float32)
     saturated = frame.pixels >= CLIP_FRACTION * frame.white_level
-    noise = photon_transfer(signal, saturated, 1 / (frame.white_level - frame.black_level),
-                            frame.file)
-    return _image(frame, signal, noise.variance(signal), saturated, 1.0,
-                  photos.PhotoKind.LINEAR_FILE)
+    saturated |= signal >= frame.linear_limit
+    for band, clip in enumerate(clip_levels(signal, 1 / scale, frame.file, saturated)):
+        if clip is not None:
+            saturated[..., band] |= signal[..., band] >= CLIP_FRACTION * clip
+    noise = photon_transfer(signal, saturated, 1 / scale, frame.file)
+    variance = noise.variance(signal)
+    if frame.gain_maps:
+        height, width, bands = signal.shape
+        for band in range(bands):
+            gains = gains_at(frame.gain_maps, (height, width), np.arange(height), np.arange(width),
+                             band)
+            signal[..., band] *= gains
+            variance[..., band] *= np.square(gains)
+    return _image(frame, signal, variance, saturated, 1.0, photos.PhotoKind.LINEAR_FILE)
 
 
 def tile_step(cfa: np.ndarray, source: str = "") -> int:
@@ -252,11 +308,14 @@ def _blocks_of_rows(height: int, positions: list[_Position]) -> list[slice]:
 def _saturated(frame: photos.RawFrame, positions: list[_Position], shape: tuple[int, ...],
                clips: np.ndarray) -> np.ndarray:
     saturated = np.zeros(shape, bool)
-    limits = [np.uint16(min(np.ceil(CLIP_FRACTION * clip), 65535)) for clip in clips]
     for rows in _blocks_of_rows(shape[0], positions):
         for position in positions:
+            limit = CLIP_FRACTION * clips[position.band]
+            if frame.linear_limit < 1:
+                limit = min(limit, position.black + frame.linear_limit * (frame.white_level
+                                                                          - position.black))
             samples, pixels = position.within(rows, shape[0], shape[1])
-            saturated[pixels] |= frame.mosaic[samples] >= limits[position.band]
+            saturated[pixels] |= frame.mosaic[samples] >= np.uint16(min(np.ceil(limit), 65535))
     return saturated
 
 
@@ -301,62 +360,80 @@ def _image(frame: photos.RawFrame | raw.FullColourFrame, signal: np.ndarray, var
                        sensor_step=sensor_step, exposure_s=frame.exposure_s, iso=frame.iso,
                        f_number=frame.f_number, kind=kind, camera=frame.camera, source=frame.file,
                        sha256=frame.sha256, camera_from_xyz=frame.camera_from_xyz,
-                       matrix_of_file=frame.matrix_of_file, taken_at=frame.taken_at)
+                       matrix_of_file=frame.matrix_of_file, taken_at=frame.taken_at,
+                       findings=frame.findings)
 
 
 # ---- clip point ----------------------------------------------------------------------------------
-# Where a sensor really clips, from the histogram: a stated white level may be wrong for this ISO.
-#
-# Where light noise spreads one brightness over several DN, many samples at one DN at the very top
-# of the histogram, and few just below, can only be clipping.
 
-SAMPLES = 1_000_000          # of each colour, enough for a histogram
-MIN_PILED = 50               # samples at the top
-TIMES_BELOW = 10.0           # what a value just below holds on average
-VALUES_BELOW = 16            # DN that are compared
-MAX_SHARE_OF_PICTURE = 0.5   # a plain picture piles up without clipping
-MIN_SIGMA_DN = 1.5           # noise that would have spread the pile
-
-
-def clip_points(frame: photos.RawFrame) -> np.ndarray:
-    """DN (K,) at which each colour seems to clip: the white level, or a pile of samples below it.
+def clip_points(frame: photos.RawFrame, signal: np.ndarray, quantum: np.ndarray,
+                samples: np.ndarray) -> np.ndarray:
+    """DN (K,) at which each colour clips: the white level, or where samples pile up below it: a
+    stated white level may be wrong for this ISO.
 
     Parameters
     ----------
     frame : RawFrame
+    signal : (H, W, K) array
+        Of the frame, without its gains.
+    quantum, samples : (K,) arrays
+        As of ``photon_transfer``.
     """
     clips = []
     rows, columns = frame.cfa.shape
-    for band in range(int(frame.cfa.max()) + 1):
-        # about SAMPLES samples, from whole rows of tiles spread over the picture
+    for band in range(signal.shape[2]):
+        line = dark_noise(signal[..., band], quantum[band], frame.file, samples=int(samples[band]))
         positions = np.argwhere(frame.cfa == band)
+        black = float(frame.black_level[frame.cfa == band].mean())
+        scale = frame.white_level - black
+        # about SAMPLES samples, from whole rows of tiles spread over the picture
         stride = max(1, int(frame.mosaic.size * len(positions) / frame.cfa.size / SAMPLES))
-        samples = np.concatenate([frame.mosaic[y::rows * stride, x::columns].ravel()
-                                  for y, x in positions])
-        counts = np.bincount(samples)
-        top = counts.size - 1
-        below = counts[max(top - VALUES_BELOW, 0):top]
-        piled = (below.size and counts[top] >= MIN_PILED
-                 and TIMES_BELOW * np.mean(below) < counts[top]
-                 and counts[top] <= MAX_SHARE_OF_PICTURE * samples.size)
-        clips.append(float(top) if piled and top < frame.white_level else float(frame.white_level))
+        values = np.concatenate([frame.mosaic[y::rows * stride, x::columns].ravel()
+                                 for y, x in positions])
+        pile = None if line is None else pile_of(values.astype(np.float32), _sigma_in_dn(
+            line, int(samples[band]), black, scale))
+        clips.append(frame.white_level if pile is None else min(pile, frame.white_level))
     return np.array(clips)
 
 
-def piles_up(frame: photos.RawFrame, clip: float, band: int, noise: PhotonTransfer) -> bool:
-    """Whether noise would have spread the samples at ``clip``, so that the pile is clipping.
+def _sigma_in_dn(line: tuple[float, float], samples: int, black: float,
+                 scale: float) -> Callable[[np.ndarray], np.ndarray]:
+    """Noise of single samples about values in DN, of a line of means of several."""
+    def sigma(level: np.ndarray) -> np.ndarray:
+        signal = np.maximum((level - black) / scale, 0)
+        return np.asarray(scale * np.sqrt(samples * (line[0] + line[1] * signal)))
+    return sigma
 
-    Parameters
-    ----------
-    frame : RawFrame
-    clip : float
-        DN.
-    band : int
-    noise : PhotonTransfer
+
+# ---- rows of two gains ---------------------------------------------------------------------------
+
+def _require_one_gain(frame: photos.RawFrame) -> None:
+    """Refuse a mosaic whose rows were read out with two gains in turn (dual ISO): rows of one
+    colour are brighter and darker by turns then, all over the picture.
+
+    Pictures have no such stripes: the colour of each row of the tile steps up and down from tile to
+    tile in nearly all of its rows.
     """
-    if clip >= frame.white_level:
-        return True
-    chosen = frame.cfa == band
-    scale = frame.white_level - float(frame.black_level[chosen].mean())
-    level = (clip - float(frame.black_level[chosen].mean())) / scale
-    return float(np.sqrt(noise.read[band] + noise.gain[band] * level)) * scale >= MIN_SIGMA_DN
+    tile = frame.cfa.shape[0]
+    every = max(1, frame.mosaic.shape[1] // frame.cfa.shape[1] // MAX_COLUMNS) * frame.cfa.shape[1]
+    steps, alternate = list[np.ndarray](), list[float]()
+    for y in range(tile):
+        level = np.array([float(frame.black_level[y, x]) for x in range(frame.cfa.shape[1])])
+        means = sum(frame.mosaic[y::tile, x::every].mean(axis=1) - level[x]
+                    for x in range(frame.cfa.shape[1]))
+        bright = means > MIN_ROW_SIGNAL * frame.white_level
+        pairs = (bright[1:] | bright[:-1]) & (means[1:] > 0) & (means[:-1] > 0)
+        if np.count_nonzero(pairs) < MIN_ROW_PAIRS:
+            return
+        signs = np.where(np.arange(pairs.size) % 2, -1, 1)[pairs]
+        step = np.log(means[1:][pairs] / means[:-1][pairs]) * signs
+        steps.append(np.abs(step))
+        alternate.append(abs(float(np.mean(np.sign(step) * (np.abs(step) > MIN_ROW_STEP)))))
+    if min(alternate) < ROWS_IN_TURN:
+        return
+    ratio = float(np.exp(np.median(np.concatenate(steps))))
+    raise InputError(f"raw photo {frame.file}: its rows were read out with two gains in turn (dual "
+                     f"ISO), brighter and darker by a factor of {ratio:.1f} from one pair of rows "
+                     "to the next; switch dual ISO off and photograph again, or make one exposure "
+                     "of it with the camera software's own converter (cr2hdr of Magic Lantern) and "
+                     "give that DNG")

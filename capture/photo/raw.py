@@ -16,16 +16,18 @@ from typing import Any
 import numpy as np
 import rawpy
 
-from spectrabox.capture.photo.black_level import full_colour_black, tile_of
+from spectrabox.capture.photo.black_level import departures, full_colour_black, tile_of
 from spectrabox.capture.photo.metadata import (
     JPEG_XL,
     LOSSY_JPEG,
     PhotoMetadata,
     photo_metadata,
 )
+from spectrabox.capture.photo.opcodes import stated_corrections
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import require_utf8_name, sha256_of
-from spectrabox.radiometry.records.photos import RawFrame
+from spectrabox.radiometry.findings import Finding, Severity
+from spectrabox.radiometry.records.photos import GainMap, RawFrame
 from spectrabox.radiometry.system.archives import require_room
 
 LIBRAW_VERSION = ".".join(map(str, rawpy.libraw_version))
@@ -44,7 +46,7 @@ class FullColourFrame:
 
     pixels: np.ndarray       # (H, W, 3) uint16 DN
     black_level: np.ndarray  # (3,) DN
-    white_level: float       # DN
+    white_level: np.ndarray  # (3,) DN
     exposure_s: float | None
     iso: float | None
     f_number: float | None
@@ -54,6 +56,11 @@ class FullColourFrame:
     camera_from_xyz: np.ndarray | None = None   # (3, 3), as in the raw frame
     matrix_of_file: bool = False
     taken_at: str = ""                          # likewise
+    black_rows: np.ndarray | None = None        # (H,) and (W,) DN, as in the raw frame
+    black_columns: np.ndarray | None = None
+    gain_maps: tuple[GainMap, ...] = ()
+    linear_limit: float = 1.0
+    findings: tuple[Finding, ...] = ()
 
 
 def read_raw(path: str | os.PathLike[str]) -> RawFrame:
@@ -104,26 +111,59 @@ def decode(path: str | os.PathLike[str]) -> RawFrame | FullColourFrame:
             "f_number": float(metadata.f_number or raw.other.aperture) or None,
             "camera": metadata.camera, "file": path.name, "sha256": sha256_of(path),
             "taken_at": metadata.taken_at, **_colour_matrix(raw, metadata)}
-        white_level, full_colour = float(raw.white_level), raw.raw_type == rawpy.RawType.Stack
+        full_colour = raw.raw_type == rawpy.RawType.Stack
+        white_level = _white_levels(raw, metadata) if full_colour else \
+            np.array([float(raw.white_level)])
+        departing = departures(raw, metadata, path.name)
         if full_colour:
             black_level = full_colour_black(raw, metadata)
         else:
-            cfa, black_level = tile_of(raw, metadata)
-            _require_plausible_tile(cfa, black_level, white_level, path)
-        if not white_level > black_level.max():
-            raise InputError(f"raw photo {path.name} states a white level of {white_level:g} DN, "
-                             f"not above its black level of {black_level.max():g} DN; convert it "
-                             "with the camera maker's software or Adobe DNG")
+            cfa, black_level = tile_of(raw, metadata, departing)
+            _require_plausible_tile(cfa, black_level, white_level[0], path)
+        if not np.all(white_level > black_level.max()):
+            raise InputError(f"raw photo {path.name} states a white level of "
+                             f"{white_level.min():g} DN, not above its black level of "
+                             f"{black_level.max():g} DN; convert it with the camera maker's "
+                             "software or Adobe DNG")
+        stated = _stated(raw, metadata, departing, not full_colour, path.name)
         if full_colour:
             require_room(path.name, raw.sizes.raw_width, raw.sizes.raw_height, 3,
                          FULL_COLOUR_BYTES)
             pixels = np.ascontiguousarray(raw.raw_image_visible[..., :3]).copy()
-            return FullColourFrame(pixels, black_level, white_level, **exposure)
+            return FullColourFrame(pixels, black_level, white_level, **exposure, **stated)
         visible = np.ascontiguousarray(raw.raw_image_visible)
         visible = visible.copy() if np.shares_memory(visible, raw.raw_image) else visible
     visible.flags.writeable = False
-    return RawFrame(mosaic=visible, cfa=cfa, black_level=black_level, white_level=white_level,
-                    **exposure)
+    return RawFrame(mosaic=visible, cfa=cfa, black_level=black_level,
+                    white_level=float(white_level[0]), **exposure, **stated)
+
+
+def _white_levels(raw: rawpy.RawPy, metadata: PhotoMetadata) -> np.ndarray:
+    """White level (3,) of full-colour pixels, DN: that of each plane where the file states them."""
+    stated = np.array([float(level) for level in metadata.white_levels[:3]])
+    return stated if stated.size == 3 else np.full(3, float(raw.white_level))
+
+
+def _stated(raw: rawpy.RawPy, metadata: PhotoMetadata,
+            departing: tuple[np.ndarray, np.ndarray] | None, mosaic: bool,
+            name: str) -> dict[str, Any]:
+    """What a DNG states of corrections: those to apply, and findings of these and of the others."""
+    sizes = raw.sizes
+    maps, findings = stated_corrections(metadata.opcode_lists, (sizes.height, sizes.width), mosaic,
+                                        name)
+    limit = metadata.linear_limit if 0 < metadata.linear_limit < 1 else 1.0
+    stated: dict[str, Any] = {"gain_maps": maps, "linear_limit": limit}
+    if departing is not None:
+        rows, columns = departing
+        stated |= {"black_rows": rows[sizes.top_margin:sizes.top_margin + sizes.height],
+                   "black_columns": columns[sizes.left_margin:sizes.left_margin + sizes.width]}
+        findings += (Finding("file.black-delta", Severity.INFO),)
+    if metadata.baseline_exposure:
+        findings += (Finding("file.baseline-exposure", Severity.NOTE, values={
+            "stops": metadata.baseline_exposure}),)
+    if limit < 1:
+        findings += (Finding("file.linear-limit", Severity.INFO, values={"limit": limit}),)
+    return {**stated, "findings": findings}
 
 
 def visible_size(path: str | os.PathLike[str]) -> tuple[int, int]:
@@ -218,10 +258,6 @@ def _require_consistent(metadata: PhotoMetadata, path: Path) -> None:
         raise InputError(f"raw photo {path.name} states a size of {metadata.stated_bytes[0]} bytes "
                          f"and holds {metadata.stated_bytes[1]}; it is damaged: copy it from the "
                          "camera card again")
-    if metadata.varying_black:
-        raise InputError(f"raw photo {path.name} states black levels that change over rows or "
-                         "columns (BlackLevelDelta), which are not read: convert it without them, "
-                         "or give another format")
 
 
 def _require_known_compression(metadata: PhotoMetadata, path: Path) -> None:
@@ -255,6 +291,11 @@ def _require_known_sensor(raw: rawpy.RawPy, metadata: PhotoMetadata, path: Path)
             f"a {tile.shape[0]} x {tile.shape[1]} pattern of {raw.num_colors} colours ({colours})"
     elif metadata.is_dng and raw.num_colors == 3:
         return
+    elif metadata.is_dng and metadata.is_linear_dng:
+        raise InputError(f"raw photo {path.name} is a linear DNG of {metadata.samples_per_pixel} "
+                         "planes, samples a pixel; those of 3 are known, red, green and blue: "
+                         "write these three alone, as a linear DNG, EXR or 16-bit TIFF, and any "
+                         "further plane, infrared say, as a file of its own")
     else:
         pixels = "full-colour pixels (Foveon, or a reduced raw size)"
     raise InputError(f"raw photo {path.name} has {pixels}; Bayer, X-Trans and monochrome sensors "

@@ -12,9 +12,11 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
+from spectrabox.capture.photo.metadata import stated_levels
 from spectrabox.capture.photo.processed_photos import processed_error
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import require_utf8_name
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.photos import PhotoKind
 from spectrabox.radiometry.system.archives import require_room
 from spectrabox.radiometry.system.words import reason_of
@@ -31,6 +33,35 @@ VARIANCE, SATURATED = "variance.", "saturated."  # channels of a developed photo
 # memory that decoding takes, besides a value in the type of its file, by what is made of it
 LINEAR_BYTES, ENCODED_BYTES = 8, 16
 MAX_SIGNAL = 1e9                    # its square is a variance, which single precision must hold
+
+
+@dataclass(frozen=True, eq=False)
+class Levels:
+    """Black level (a, b, K) of a tile of pixels from the first one, and white level (K,), in units
+    of the file.
+    """
+
+    black: np.ndarray
+    white: np.ndarray
+
+    def apply(self, values: np.ndarray, first_row: int = 0, scale: float = 1.0) -> None:
+        """Bring values to signal, 0 at black and 1 at white, in place.
+
+        Parameters
+        ----------
+        values : (h, W, K) float array
+        first_row : int
+            Of the picture, that they begin with.
+        scale : float
+            The file's value of 1 of theirs.
+        """
+        rows, columns, _ = self.black.shape
+        white = self.white / scale
+        for y, x in np.ndindex(rows, columns):
+            black = self.black[y, x] / scale
+            part = values[(y - first_row) % rows::rows, x::columns]
+            part -= black.astype(values.dtype)
+            part /= (white - black).astype(values.dtype)
 
 
 @dataclass(frozen=True)
@@ -113,6 +144,46 @@ class PictureHeader:
         """A number of the header; None where there is none above 0."""
         value = self.spec.get_float_attribute(name, 0.0)
         return value if value > 0 else None
+
+    @cached_property
+    def levels(self) -> Levels | None:
+        """Black and white level that a TIFF states, of the bands to use; None where it states none,
+        or those of its format.
+
+        Raises
+        ------
+        InputError
+            If they contradict each other.
+        """
+        if self.file_format != "tiff":
+            return None
+        stated, channels, bands = stated_levels(self.path), self.spec.nchannels, self.bands
+        rows, columns = stated.repeat if stated.black else (1, 1)
+        black, white = np.array(stated.black or (0.0,)), np.array(stated.white or (
+            float(self.full_scale()),))
+        if black.size not in (rows * columns, rows * columns * channels) \
+                or white.size not in (1, channels):
+            raise InputError(f"photo {self.path.name} states {black.size} black levels for a tile "
+                             f"of {rows} x {columns} pixels and {white.size} white levels, and has "
+                             f"{channels} samples a pixel; export it again")
+        black = np.broadcast_to(black.reshape(rows, columns, -1),
+                                (rows, columns, channels))[..., bands]
+        white = np.broadcast_to(white, channels)[bands].astype(float)
+        if not black.any() and np.all(white == self.full_scale()):
+            return None
+        if np.any(white <= black):
+            raise InputError(f"photo {self.path.name} states a white level of {white.min():g}, not "
+                             f"above its black level of {black.max():g}; export it again")
+        return Levels(black, white)
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What its tags state of its values, which is applied."""
+        if self.levels is None:
+            return ()
+        return (Finding("file.levels", Severity.INFO, values={
+            "black": [float(level) for level in self.levels.black.mean(axis=(0, 1))],
+            "white": [float(level) for level in self.levels.white]}),)
 
     def full_scale(self) -> int:
         """What white of the format reads in a file of linear values: 1 for floats.

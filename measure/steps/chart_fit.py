@@ -25,7 +25,7 @@ from spectrabox.reconstruct.scene.scene_file import SceneFile
 
 def find(photo: LinearImage, expected: np.ndarray, layout: Chart,
          corners_px: np.ndarray | None = None, before: ChartDetection | None = None, *,
-         filtered: bool = False) -> ChartDetection:
+         filtered: bool = False, excluded: np.ndarray | None = None) -> ChartDetection:
     """The chart in a photo: searched for by its colours or, through a filter or where its light
     leaves no colours, where another photo from the same tripod shows it.
 
@@ -41,6 +41,8 @@ def find(photo: LinearImage, expected: np.ndarray, layout: Chart,
         In the other photo.
     filtered : bool
         Whether this photo is through a filter.
+    excluded : (I,) bool array, optional
+        As of ``find_chart``.
 
     Raises
     ------
@@ -48,24 +50,24 @@ def find(photo: LinearImage, expected: np.ndarray, layout: Chart,
         As ``find_chart``.
     """
     if before is not None and filtered:
-        return find_chart_again(photo, expected, before, layout)
+        return find_chart_again(photo, expected, before, layout, excluded)
     try:
-        return find_chart(photo, expected, corners_px, layout)
+        return find_chart(photo, expected, corners_px, layout, excluded)
     except errors.ChartNotFoundError:
         if before is None:
             raise
-        return find_chart_again(photo, expected, before, layout)
+        return find_chart_again(photo, expected, before, layout, excluded)
 
 
 def find_patches(photo: LinearImage, expected: np.ndarray, layout: Chart,
                  corners_px: np.ndarray | None = None, before: ChartDetection | None = None, *,
-                 filtered: bool = False, name: str = "",
-                 bands_may_drop: bool = False) -> tuple[ChartDetection, PatchSamples]:
+                 filtered: bool = False, name: str = "", bands_may_drop: bool = False,
+                 excluded: np.ndarray | None = None) -> tuple[ChartDetection, PatchSamples]:
     """The chart in a photo, and the signals of its patches.
 
     Parameters
     ----------
-    photo, expected, layout, corners_px, before, filtered
+    photo, expected, layout, corners_px, before, filtered, excluded
         As of ``find``.
     name : str
         Of the photo, for messages; by default its source.
@@ -79,7 +81,8 @@ def find_patches(photo: LinearImage, expected: np.ndarray, layout: Chart,
     ClippedPhotoError
         If more than a few patches are saturated.
     """
-    detection = find(photo, expected, layout, corners_px, before, filtered=filtered)
+    detection = find(photo, expected, layout, corners_px, before, filtered=filtered,
+                     excluded=excluded)
     samples = sample_patches(photo, detection)
     require_unclipped(samples, layout.names, name or photo.source, layout.neutrals,
                       bands_may_drop=bands_may_drop)

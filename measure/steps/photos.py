@@ -29,7 +29,7 @@ from spectrabox.measure.steps import chart_fit
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry import errors, grid
 from spectrabox.radiometry.chart import typical_camera_signals
-from spectrabox.radiometry.findings import Finding, Severity
+from spectrabox.radiometry.findings import Finding, Severity, faults
 from spectrabox.radiometry.records.photos import (
     ChartDetection,
     LinearImage,
@@ -71,17 +71,20 @@ def find_charts(capture: captured.Capture, records: CaptureRecords, work: Work) 
         expected = typical_camera_signals(chart.reflectances, grid.FINE_GRID, view.power)
         again = None if first is None else _moved(*first, photo)
         detection = chart_fit.find(photo, expected, chart.layout, stated_corners(capture, view),
-                                   again, filtered=view.filter is not None)
+                                   again, filtered=view.filter is not None,
+                                   excluded=chart.excluded)
         if capture.one_tripod and len(capture.views) > 1 and first is None:
             first = detection, find_edges(photo)
         findings += work.write_picture(view.label("overlay"),
                                        partial(chart_overlay, photo, detection))
         verdict = quality.judge_chart(photo, detection, expected, chart.layout,
-                              light_explained=capture.chart_scene is not None)
+                                      light_explained=capture.chart_scene is not None,
+                                      excluded=chart.excluded)
         lost = patches.require_unclipped(verdict.samples, chart.layout.names, name,
                                          chart.layout.neutrals, work.photos.bands(photo),
                                          bands_may_drop=capture.bands_may_drop)
-        findings += (*own_findings, *lost)
+        told = faults(verdict.findings)
+        findings += (*(one for one in own_findings if one not in told), *lost)
         charts[view.name] = MeasuredChart(detection, verdict.samples,
                                           preview.thumbnail(photo, THUMBNAIL_WIDTH), verdict.light,
                                           verdict.findings)

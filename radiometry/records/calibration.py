@@ -157,6 +157,12 @@ class HeldOutPatches(Record):
             else ~self.saturated.astype(bool)
 
     @property
+    def counted(self) -> np.ndarray:
+        """Those (I,) of them that the operator did not leave out: all, where none is left."""
+        counted = self.judged & ~self.excluded.astype(bool)
+        return counted if counted.any() else self.judged
+
+    @property
     def rmse(self) -> np.ndarray:
         """Root mean square error (I,) of each patch over wavelengths."""
         return np.asarray(np.sqrt(np.mean((self.mean - self.reference) ** 2, axis=1)))
@@ -168,9 +174,9 @@ class HeldOutPatches(Record):
 
     @property
     def means(self) -> tuple[float, float, float]:
-        """Mean of ``rmse``, ``inside`` and ``expected`` over the patches that are judged."""
-        return (float(self.rmse[self.judged].mean()), float(self.inside[self.judged].mean()),
-                float(self.expected[self.judged].mean()))
+        """Mean of ``rmse``, ``inside`` and ``expected`` over the patches that count."""
+        return (float(self.rmse[self.counted].mean()), float(self.inside[self.counted].mean()),
+                float(self.expected[self.counted].mean()))
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,6 +24,23 @@ class PhotoKind(Enum):
 
 
 @dataclass(frozen=True, eq=False)
+class GainMap(Record):
+    """Gains that a file states for its pixels, at points between which they are interpolated.
+
+    Positions of the points are relative to height and width of the picture; a map applies to rows
+    and columns of an area, counted from its first by ``pitch``, and to planes from ``plane`` on.
+    """
+
+    gains: Annotated[np.ndarray, "V U P"]
+    area: tuple[int, int, int, int]                 # top, left, bottom, right, pixels
+    pitch: tuple[int, int]                          # rows, columns
+    origin: tuple[float, float]                     # y, x of the first point
+    spacing: tuple[float, float]
+    plane: int
+    planes: int
+
+
+@dataclass(frozen=True, eq=False)
 class RawFrame(Record):
     """The mosaic as the sensor gave it, in sensor orientation."""
 
@@ -40,6 +57,12 @@ class RawFrame(Record):
     camera_from_xyz: Annotated[np.ndarray, "3 3"] | None = None    # R, G, B of X, Y, Z, any scale
     matrix_of_file: bool = False                    # stated by the file, not known to LibRaw
     taken_at: str = ""                              # "2026-11-23 14:05:09", by the camera's clock
+    # DN, by which black departs from its level in each row and column
+    black_rows: Annotated[np.ndarray, "H"] | None = None
+    black_columns: Annotated[np.ndarray, "W"] | None = None
+    gain_maps: tuple[GainMap, ...] = ()             # that the file states for its signal
+    linear_limit: float = 1.0                       # of the range, up to which it states linearity
+    findings: tuple[Finding, ...] = ()              # what else it states, applied or not
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +83,8 @@ class LinearImage(Record):
     camera_from_xyz: Annotated[np.ndarray, "3 3"] | None = None    # as in the raw frame
     matrix_of_file: bool = False
     taken_at: str = ""                              # as in the raw frame
+    # what the file states of corrections, applied or not, and what its pixels say of it
+    findings: tuple[Finding, ...] = ()
 
     @property
     def clipped_share(self) -> float:

@@ -239,8 +239,8 @@ def read_layout(layout: str) -> Chart:
     return chart_layout(layout) if layout else CLASSIC
 
 
-def chart_named(image: LinearImage, layout: str, reference: str | None,
-                corners: str | None) -> tuple[ChartDetection, ChartVerdict]:
+def chart_named(image: LinearImage, layout: str, reference: str | None, corners: str | None,
+                excluded: np.ndarray | None = None) -> tuple[ChartDetection, ChartVerdict]:
     """The chart in a photo and the verdict on it, as the options of a command name chart and
     corners.
 
@@ -251,6 +251,8 @@ def chart_named(image: LinearImage, layout: str, reference: str | None,
         As of ``--chart-layout`` and ``--reference``.
     corners : str, optional
         As of ``--corners``.
+    excluded : (I,) bool array, optional
+        Patches that the operator leaves out.
 
     Raises
     ------
@@ -261,7 +263,7 @@ def chart_named(image: LinearImage, layout: str, reference: str | None,
     """
     chart = read_layout(layout)
     return judged_chart(image, chart, reference,
-                        None if corners is None else corner_points(corners, chart))
+                        None if corners is None else corner_points(corners, chart), excluded)
 
 
 def corner_points(text: str, chart: Chart) -> np.ndarray:

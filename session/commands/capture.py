@@ -3,6 +3,7 @@ photo.
 """
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -50,6 +51,8 @@ def chart(
                              metavar="NAME|FILE", show_default=False,
                              help="Reflectances by which a chart is known that "
                              "is no ColorChecker of 24 patches.")] = None,
+    leave_out: Annotated[
+        str, typer.Option(metavar="N,N...", show_default=False, help="{chart.leave_out}")] = "",
     encoded: Annotated[
         bool | None,
         typer.Option(
@@ -63,12 +66,17 @@ def chart(
     from spectrabox.capture.photo.image_writers import write_png
     from spectrabox.measure import extras, texts
     from spectrabox.measure.chart_patches import edition_in_photo, patch_columns, table_of_columns
+    from spectrabox.radiometry.chart import excluded_patches
     from spectrabox.radiometry.files import write_text_whole
-    from spectrabox.session.camera.camera_files import chart_named, read_layout
-    image = _open(photo, encoded)
+    from spectrabox.session.camera.camera_files import (
+        chart_named,
+        numbers_of_patches,
+        read_layout,
+    )
+    image, known = _open(photo, encoded), read_layout(layout)
+    excluded = excluded_patches(numbers_of_patches(leave_out), known, "--leave-out")
     try:
-        detection, verdict = chart_named(image, layout, reference,
-                                         corners)
+        detection, verdict = chart_named(image, layout, reference, corners, excluded)
     except CheckError as error:
         if debug or not as_json:
             raise
@@ -80,10 +88,11 @@ def chart(
         write_png(overlay, chart_overlay(image, detection))
     if out is not None:
         write_text_whole(out, table_of_columns(patch_columns(
-            read_layout(layout), detection, verdict.samples, verdict.excluded)))
-    edition = edition_in_photo(image, read_layout(layout), verdict.samples)
+            known, detection, verdict.samples, verdict.excluded)))
+    edition = edition_in_photo(image, known, verdict.samples, excluded)
+    verdict = replace(verdict, findings=(*verdict.findings, *edition.patches))
     failed = () if edition.failed is None else (edition.failed,)
-    return command_line.Answer({**_facts(photo, image, read_layout(layout), detection, verdict),
+    return command_line.Answer({**_facts(photo, image, known, detection, verdict),
                    "edition": edition.facts,
                    "failed_extras": [extras.facts(one) for one in failed]},
                   "\n".join([_text(photo, detection, verdict), f"edition: {edition.says}",

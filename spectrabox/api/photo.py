@@ -17,7 +17,7 @@ from spectrabox.capture.photo import image_files, preview
 from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.measure import camera, captured, chart_patches, plots, texts
 from spectrabox.radiometry import errors, files
-from spectrabox.radiometry.chart import Chart
+from spectrabox.radiometry.chart import Chart, excluded_patches
 from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records import photos
 
@@ -206,7 +206,8 @@ def open_photo(photo: str | Path | list[str | Path] | np.ndarray, *,
                 "an array is taken as it is; subtract dark frames and divide by the "
                 "flat field before, or give files")
         turn = preview.AS_READ if orientation is None else orientation
-        return Photo(preview.turned(image_files.image_of_array(photo), turn), (), turn)
+        image = image_files.image_of_array(photo)
+        return Photo(preview.turned(image, turn), image.findings, turn)
     paths = [Path(one) for one in (photo if isinstance(photo, list) else [photo])]
     if not paths:
         raise errors.InputError("no photo was given; give one, or several exposures of a bracket")
@@ -259,6 +260,7 @@ class ChartInPhoto:
     layout: Chart
     detection: photos.ChartDetection
     quality: ChartVerdict
+    excluded: np.ndarray | None = None      # (I,) bool: patches left out
 
     @property
     def verdict(self) -> str:
@@ -324,10 +326,11 @@ class ChartInPhoto:
     @cached_property
     def edition(self) -> chart_patches.ChartEdition:
         """Whether a ColorChecker was made before or since November 2014: ``edition``, or None where
-        the photo does not tell, ``evidence`` in nats and ``says``, a sentence. Takes about a
-        second.
+        the photo does not tell, ``evidence`` in nats and ``says``, a sentence; and ``patches``,
+        findings of those that are not as the others make them. Takes about two seconds.
         """
-        return chart_patches.edition_in_photo(self.photo.image, self.layout, self.samples)
+        return chart_patches.edition_in_photo(self.photo.image, self.layout, self.samples,
+                                              self.excluded)
 
     @property
     def samples(self) -> photos.PatchSamples:
@@ -392,7 +395,8 @@ class ChartInPhoto:
 
 
 def find_chart(photo: str | Path | Photo | np.ndarray, *, layout: str | Path | Chart | None = None,
-               reference: str | None = None, corners: ArrayLike | None = None) -> ChartInPhoto:
+               reference: str | None = None, corners: ArrayLike | None = None,
+               leave_out: Sequence[int] = ()) -> ChartInPhoto:
     """Find the colour chart in a photo and judge the photo.
 
     Parameters
@@ -406,6 +410,8 @@ def find_chart(photo: str | Path | Photo | np.ndarray, *, layout: str | Path | C
     corners : (4, 2) array, optional
         Of the chart, in pixels: of a ColorChecker the outer corners of the patches at dark
         skin, bluish green, black and white.
+    leave_out : sequence of int
+        Numbers of patches, from 1, that need not be as the chart's: covered or misprinted ones.
 
     Returns
     -------
@@ -431,5 +437,7 @@ def find_chart(photo: str | Path | Photo | np.ndarray, *, layout: str | Path | C
     """
     opened = photo if isinstance(photo, Photo) else open_photo(photo)
     chart = as_chart(layout)
-    detection, quality = camera.judged_chart(opened.image, chart, reference, as_corners(corners))
-    return ChartInPhoto(opened, chart, detection, quality)
+    excluded = excluded_patches(leave_out, chart, "leave_out")
+    detection, quality = camera.judged_chart(opened.image, chart, reference, as_corners(corners),
+                                             excluded)
+    return ChartInPhoto(opened, chart, detection, quality, excluded)

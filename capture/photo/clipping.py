@@ -1,0 +1,129 @@
+"""Where bright pixels pile up: the clip point of each band, whatever the file states.
+
+A sensor that is full, or a developer that cuts off, gives many pixels of different brightness one
+value. Noise never does: about a value v, pixels scatter by s = sqrt(read + gain v) (noise.py), so
+that of pixels of one brightness 13 % at most lie within a window of s / 3, and as many nearly in
+the windows below. A pile is a window
+
+    that holds at least ``TIMES_BELOW`` times what each of the three windows below it holds, and
+    above which at most ``SHARE_ABOVE`` of its own number lie: hot pixels, overshoot of a filter.
+
+The noise is that of the darker part of the picture, where nothing is clipped, and its line is
+drawn on to v. Where it is less than 1.5 steps of the file nothing can be told: a picture without
+noise, as it is computed or smoothed, has plain parts of one value.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from spectrabox.capture.photo.noise import photon_transfer
+from spectrabox.radiometry.errors import InputError
+
+SAMPLES = 1_000_000         # of a band, enough for a histogram
+MIN_PILED = 50              # samples, of about a million; of fewer a part
+MIN_PILED_SHARE = 2e-4      # of them
+TIMES_BELOW = 4.0           # 1.3 about the peak of plain noise; 3.7 were its sigma taken 3 times
+SHARE_ABOVE = 0.1
+WINDOWS_PER_SIGMA, WINDOWS_BELOW = 3, 3
+MIN_SIGMA_STEPS = 1.5       # noise that would have spread the pile
+DARKER = 0.7                # of the brightest: below it noise is measured
+TOP_PERCENTILE = 99.9       # that the brightest is taken for
+STEP_PERCENTILE = 5         # of the distances of neighbouring values: one step of the file
+MIN_VALUES = 16             # that tell it
+
+
+def pile_of(values: np.ndarray, sigma: Callable[[np.ndarray], np.ndarray]) -> float | None:
+    """The value at which the brightest of some samples pile up; None where they do not.
+
+    Parameters
+    ----------
+    values : (n,) array
+        Of one band.
+    sigma : function
+        Standard deviation of the noise of single samples about values.
+    """
+    levels, counts = np.unique(values, return_counts=True)
+    least = max(MIN_PILED_SHARE * values.size, MIN_PILED * min(1.0, values.size / SAMPLES), 12.0)
+    if levels.size < 2 or levels[-1] <= 0:
+        return None
+    below = np.concatenate([[0], np.cumsum(counts)])        # samples below levels[i]
+    top = levels[levels > levels[-1] / 100]
+    width = sigma(top) / WINDOWS_PER_SIGMA
+    step = _step(levels)
+
+    def number(lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+        return below[np.searchsorted(levels, upper)] - below[np.searchsorted(levels, lower)]
+
+    piled = number(top - width / 2, top + width / 2)
+    beside = number(top - (0.5 + WINDOWS_BELOW) * width, top - width / 2) / WINDOWS_BELOW
+    above = values.size - below[np.searchsorted(levels, top + width / 2)]
+    found = ((piled >= least) & (piled >= TIMES_BELOW * beside) & (above <= SHARE_ABOVE * piled)
+             & (width * WINDOWS_PER_SIGMA >= MIN_SIGMA_STEPS * step))
+    if not found.any():
+        return None
+    return float(top[found][np.argmax(piled[found])])
+
+
+def clip_levels(signal: np.ndarray, quantum: np.ndarray | float, source: str = "",
+                known: np.ndarray | None = None) -> list[float | None]:
+    """Signal (K) at which each band of a picture clips; None where none piles up.
+
+    Parameters
+    ----------
+    signal : (H, W, K) array
+        Linear.
+    quantum : float or (K,) array
+        Signal of one step of the file.
+    source : str
+        Of the photo, for errors.
+    known : (H, W, K) bool array, optional
+        Pixels that are saturated for sure.
+    """
+    stride = max(1, int(np.sqrt(signal[..., 0].size / SAMPLES)))
+    steps = np.broadcast_to(quantum, signal.shape[2])
+    clips = []
+    for band, step in enumerate(steps):
+        line = dark_noise(signal[..., band], float(step), source,
+                          None if known is None else known[..., band])
+        clips.append(None if line is None else pile_of(
+            np.ascontiguousarray(signal[::stride, ::stride, band]).ravel(),
+            partial(_sigma_at, line)))
+    return clips
+
+
+def _sigma_at(line: tuple[float, float], level: np.ndarray) -> np.ndarray:
+    return np.asarray(np.sqrt(line[0] + line[1] * np.maximum(level, 0)))
+
+
+def dark_noise(signal: np.ndarray, quantum: float, source: str = "",
+               known: np.ndarray | None = None, samples: int = 1) -> tuple[float, float] | None:
+    """Read noise and gain of the darker part of one band, and None where it shows none.
+
+    Parameters
+    ----------
+    signal : (H, W) array
+    quantum, source, known, samples
+        As of ``clip_levels`` and ``photon_transfer``.
+    """
+    stride = max(1, int(np.sqrt(signal.size / 250_000)))
+    brightest = float(np.percentile(signal[::stride, ::stride], TOP_PERCENTILE))
+    bright = signal > DARKER * brightest
+    if known is not None:
+        bright |= known
+    try:
+        noise = photon_transfer(signal[..., None], bright[..., None], quantum, source, samples)
+    except InputError:      # no dark tile
+        return None
+    return float(noise.read[0]), float(noise.gain[0])
+
+
+def _step(levels: np.ndarray) -> float:
+    """Distance of neighbouring values in the upper half of their range, of all where few lie there:
+    that of a few nearest, since few samples leave gaps.
+    """
+    upper = levels[levels >= levels[-1] / 2]
+    chosen = upper if upper.size >= MIN_VALUES else levels
+    return float(np.percentile(np.diff(chosen), STEP_PERCENTILE))
