@@ -31,10 +31,11 @@ from spectrabox.radiometry.spectra.spectrum_files import (
 )
 
 WRITERS = {".csv": table_text, ".sp": sp_text, ".spdx": spdx_text}
-FORMATS = ("CSV", "ASD", "CGATS", "TM-27", "ENVI", "rawtoaces", "spectral EXR")
+FORMATS = ("CSV", "ASD", "CGATS", "TM-27", "ENVI", "rawtoaces", "spectral EXR", "JCAMP-DX",
+           "CxF")
 # Relative rounding: nine significant digits, single or double precision.
 PRECISION = {"CSV": 5e-9, "ASD": 1e-15, "CGATS": 5e-9, "TM-27": 5e-9, "ENVI": 0,
-             "rawtoaces": 0, "spectral EXR": 6e-8}
+             "rawtoaces": 0, "spectral EXR": 6e-8, "JCAMP-DX": 0, "CxF": 0}
 
 
 def write(tmp_path, content, name):

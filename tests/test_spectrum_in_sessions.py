@@ -12,7 +12,8 @@ from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
 
 
 @pytest.mark.parametrize("name",
-                         ["CSV", "ASD", "CGATS", "TM-27", "ENVI", "rawtoaces", "spectral EXR"])
+                         ["CSV", "ASD", "CGATS", "TM-27", "ENVI", "rawtoaces", "spectral EXR",
+                          "JCAMP-DX", "CxF"])
 def test_a_known_material_may_be_in_any_format(tmp_path, name):
     path = write_examples(tmp_path)[name]
     inputs = Inputs(tmp_path)

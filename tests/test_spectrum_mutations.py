@@ -21,7 +21,8 @@ def examples(tmp_path_factory):
 
 @pytest.mark.parametrize("name",
                          ["CSV", "ASD", "CGATS", "TM-27", "ENVI", "ENVI header",
-                          "rawtoaces", "spectral EXR"])
+                          "rawtoaces", "spectral EXR",
+                          "JCAMP-DX", "CxF"])
 def test_a_damaged_file_gives_a_sentence_or_a_well_formed_table(examples, name, tmp_path):
     path = examples["ENVI"].with_suffix(".hdr") if name == "ENVI header" else examples[name]
     target = tmp_path / path.name

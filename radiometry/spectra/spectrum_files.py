@@ -15,7 +15,9 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import grid_from_nm, pchip
 from spectrabox.radiometry.records import spectra
 from spectrabox.radiometry.spectra.formats import (
+    cxf,
     delimited,
+    jcamp,
     light_meters,
     measurement_table,
     units,
@@ -44,11 +46,12 @@ KNOWN_UNITS = ("percent", "uW cm-2 nm-1", "uW cm-2 sr-1 nm-1", "mW m-2 nm-1", "m
 READERS: dict[str, Callable[[bytes, Path], SpectralTable]] = {
     "ASD": read_asd, "CGATS": read_cgats, "TM-27": read_tm27, "ENVI": read_envi, "Sekonic":
     light_meters.read_sekonic, "UPRTek": light_meters.read_uprtek, "rawtoaces": read_rawtoaces,
-    "spectral EXR": read_spectral_exr
+    "spectral EXR": read_spectral_exr, "JCAMP-DX": jcamp.read_jcamp, "CxF": cxf.read_cxf
 }
 SUFFIXES = {".asd": "ASD", ".sp": "CGATS", ".ti3": "CGATS", ".ccss": "CGATS",
             ".spdx": "TM-27", ".sli": "ENVI", ".hdr": "ENVI", ".exr": "spectral EXR",
-            ".csv": "CSV"}
+            ".csv": "CSV", ".jdx": "JCAMP-DX", ".dx": "JCAMP-DX", ".jcamp": "JCAMP-DX",
+            ".jcm": "JCAMP-DX", ".cxf": "CxF"}
 FOREIGN = {
     b"PK\x03\x04": "a spreadsheet or zip archive: export the sheet as CSV",
     b"\xd0\xcf\x11\xe0": "an Excel workbook: export the sheet as CSV",
@@ -114,7 +117,9 @@ def format_of(content: bytes, path: Path) -> str:
         return "ENVI"
     text = measurement_table.text_of(content, path.name)
     tests = (("Sekonic", light_meters.is_sekonic), ("UPRTek", light_meters.is_uprtek),
-             ("CGATS", is_cgats), ("TM-27", is_tm27), ("rawtoaces", is_rawtoaces))
+             ("JCAMP-DX", jcamp.is_jcamp), ("CxF", cxf.is_cxf), ("CGATS", is_cgats),
+             ("TM-27", is_tm27),
+             ("rawtoaces", is_rawtoaces))
     return next((kind for kind, test in tests if test(text)), "CSV")
 
 

@@ -115,11 +115,12 @@ def _indices(table: SpectralTable, column: str | None) -> list[int]:
     if column is None:
         return list(range(len(table.names)))
     from spectrabox.radiometry.spectra.spectrum_files import column_index
-    return [column_index(table, _name_or_number(column))]
+    return [column_index(table, _name_or_number(table, column))]
 
 
-def _name_or_number(column: str) -> str | int:
-    return int(column) if is_whole_number(column) else column
+def _name_or_number(table: SpectralTable, column: str) -> str | int:
+    """A column's name, or the number of one that no column has for a name."""
+    return int(column) if is_whole_number(column) and column not in table.names else column
 
 
 def _text(table: SpectralTable, facts: dict[str, Any], column: str | None, plot: bool) -> str:
@@ -149,7 +150,7 @@ def _one(table: SpectralTable, column: str | None, role: Quantity) -> Spectrum:
     from spectrabox.radiometry.grid import grid_from_nm
     from spectrabox.radiometry.records.spectra import Spectrum
     from spectrabox.radiometry.spectra.spectrum_files import column_index
-    index = column_index(table, None if column is None else _name_or_number(column))
+    index = column_index(table, None if column is None else _name_or_number(table, column))
     keep = table.values[index] == table.values[index]
     return Spectrum(grid_from_nm(table.nm[keep]), table.values[index][keep], role, table.file)
 
@@ -234,7 +235,7 @@ def _stated_quantity(table: SpectralTable, column: str | None, quantity: str | N
     if quantity is not None and quantity.upper() not in Quantity.__members__:
         raise typer.BadParameter(f"{quantity!r} is not one of {known}", param_hint="--quantity")
     first = 0 if column is None and table.main is None else \
-        column_index(table, None if column is None else _name_or_number(column))
+        column_index(table, None if column is None else _name_or_number(table, column))
     stated = table.fact("quantity", first)
     if stated is None and quantity is None:
         raise InputError(f"{table.file} does not state what it is a spectrum of; say it with "

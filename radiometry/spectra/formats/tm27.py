@@ -46,8 +46,8 @@ def read_tm27(content: bytes, path: Path) -> measurement_table.SpectralTable:
     ------
     InputError
     """
-    root = _parsed(measurement_table.text_of(content, path.name), path.name)
-    distributions = list(_elements(root, "SpectralDistribution"))
+    root = xml_root(measurement_table.text_of(content, path.name), path.name)
+    distributions = list(elements(root, "SpectralDistribution"))
     if not distributions:
         raise InputError(f"{path.name} holds no SpectralDistribution; a TM-27 document is needed")
     pairs = [_pairs(element, path.name) for element in distributions]
@@ -55,7 +55,7 @@ def read_tm27(content: bytes, path: Path) -> measurement_table.SpectralTable:
         raise InputError(f"{path.name}: its {len(distributions)} distributions have different "
                          "wavelengths; split the file")
     header = {key: (element.text or "").strip()
-              for key in HEADER_KEYS for element in _elements(root, key)}
+              for key in HEADER_KEYS for element in elements(root, key)}
     facts = {"source": header.get("Description") or path.name, **_quantity(distributions[0]),
              **{key.lower(): value for key, value in header.items() if value}}
     names = ("value",) if len(distributions) == 1 else tuple(f"distribution {index}"
@@ -91,8 +91,20 @@ def spdx_text(nm: np.ndarray, columns: dict[str, np.ndarray], *, quantity: Quant
     return "\n".join([*lines, "</IESTM2714>", ""])
 
 
-def _parsed(text: str, name: str) -> Element:
-    """The root of a document without entities: a few bytes of these can expand to gigabytes."""
+def xml_root(text: str, name: str) -> Element:
+    """The root of a document without entities: a few bytes of these can expand to gigabytes.
+
+    Parameters
+    ----------
+    text : str
+    name : str
+        Of the file, for errors.
+
+    Raises
+    ------
+    InputError
+        If it is damaged, or declares entities.
+    """
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise InputError(f"{name} declares XML entities, which no spectral file needs; it is not "
                          "read")
@@ -102,7 +114,7 @@ def _parsed(text: str, name: str) -> Element:
         raise InputError(f"{name} is damaged XML ({error}); export it again") from None
 
 
-def _elements(root: Element, tag: str) -> Iterator[Element]:
+def elements(root: Element, tag: str) -> Iterator[Element]:
     """The element itself and those below it that have a name, whatever its namespace."""
     return (element for element in root.iter() if element.tag.rpartition("}")[2] == tag)
 

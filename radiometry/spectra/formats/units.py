@@ -73,9 +73,11 @@ STEPS = {"nm": 1.0, "um": 1e-3, "a": 10.0}
 
 
 def to_nm(axis: np.ndarray, unit: str) -> np.ndarray:
-    """Wavelengths in nm of an axis (P,) in one of the units of ``TO_NM``; zeros become infinite."""
-    with np.errstate(divide="ignore", over="ignore"):
-        return np.round(TO_NM[unit](np.asarray(axis, float)), 9)
+    """Wavelengths in nm of an axis (P,) in one of the units of ``TO_NM``; NaN where it is not
+    positive.
+    """
+    with np.errstate(over="ignore"):
+        return np.round(TO_NM[unit](np.where(axis > 0, axis, np.nan)), 9)
 
 
 def axis_unit(text: str) -> str | None:
@@ -142,7 +144,8 @@ def stated_values(text: str, *, is_unit: bool = False) -> tuple[str | None, str 
         unit = _value_unit(candidate)
         if unit is not None:
             break
-        if OTHER_UNITS.search(candidate) and (is_unit or candidate != plain):
+        if OTHER_UNITS.search(candidate) and candidate not in QUANTITIES and (
+                is_unit or candidate != plain):
             unit = candidate
             break
     name, in_name = _without_percent(name)
