@@ -86,7 +86,7 @@ class ChartSignals:
     source: str
     samples: PatchSamples
     bands: tuple[str, ...]
-    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
 
 def chart_in_photo(photo: LinearImage, stated: captured.Capture) -> ChartSignals:
@@ -141,12 +141,12 @@ class CameraFit:
     held_out: calibration.HeldOutPatches  # of the first photo, each by a calibration without it
     photos: tuple[chart_photo.ChartPhoto, ...]
     bands: tuple[str, ...] = ()     # K names
-    notes: tuple[str, ...] = ()     # on the signals
+    of_signals: tuple[Finding, ...] = ()
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
         """What was found of light, camera and chart; causes before symptoms."""
-        return tuple(rules.of_camera(self))
+        return (*rules.of_camera(self), *self.of_signals)
 
     @property
     def fitted(self) -> Finding:
@@ -212,7 +212,7 @@ class CameraFit:
             "chart_delta_e00_patches": result.delta_e, "light": self.light,
             "light_scale": result.scale.value,
             "light_scale_standard_error": result.scale.standard_error,
-            "method": fit.method, "outcome": fit.outcome, "checks": [*self.checks, *self.notes],
+            "method": fit.method, "outcome": fit.outcome, "checks": list(self.checks),
             "findings": [texts.facts(one) for one in self.findings],
             "left_out": calibration_facts.held_out_facts(self.held_out, names),
             "doubts": calibration_facts.checks(faults(result.calibration.findings)),
@@ -235,7 +235,7 @@ class CameraFit:
     def text(self) -> str:
         """What was fitted and checked, for a person."""
         return "\n".join([f"bands {', '.join(self.bands)}: {self.sensitivity.method}",
-                          *(f"- {check}" for check in (*self.checks, *self.notes)), self.line])
+                          *(f"- {check}" for check in self.checks), self.line])
 
     def columns(self) -> dict[str, np.ndarray]:
         """Curves (P,) and their standard errors, as the columns of a table."""
@@ -288,7 +288,7 @@ def measure_camera(shown: Sequence[ChartSignals], stated: Sequence[captured.Capt
         fit = replace(fit, chart=replace(fit.chart, calibration=chart_fit.with_lamp_error(
             fit.chart.calibration, error)))
     return replace(fit, bands=shown[0].bands,
-                   notes=tuple(note for one in shown for note in one.notes))
+                   of_signals=tuple(finding for one in shown for finding in one.findings))
 
 
 def photos_of_charts(shown: Sequence[ChartSignals], stated: Sequence[captured.Capture],

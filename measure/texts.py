@@ -558,6 +558,10 @@ CALIBRATION: dict[str, Text] = {
         "its reference.",
         "Photograph raw, and check what was stated of light, filters and chart.",
         "ΔE00 {value:.1f}", "pass up to {passes:.0f}"),
+    "patches.errors-assumed": Text(
+        "Errors of the patches", "{subject} states no errors of its signals: {error:percent} is "
+        "assumed, as charts and photos have it.",
+        "State others: columns named standard_error, or patch_errors=."),
     "patches.glare": Text(
         "Chart patches", "Glare lies on the chart{where}: {patches:reasons}.",
         "Turn the chart or the lamp."),

@@ -78,11 +78,11 @@ def test_patches_are_read_with_and_without_names(tmp_path, header):
     (tmp_path / "p.csv").write_text(header + "\n".join(f"{first}{i + 1},2,3" for i in range(24)),
                                     encoding="utf-8")
     read = read_patches(tmp_path / "p.csv")
-    patches, (note,) = read.samples, read.notes
+    patches, (assumed,) = read.samples, read.findings
     assert patches.mean.shape == (24, 3) and patches.mean[23, 0] == 24 and len(read.bands) == 3
     np.testing.assert_allclose(patches.covariance_of_mean[[0, 23], 0, 0], [0.004**2, 0.096**2],
                                rtol=1e-12)
-    assert "0.4% is assumed" in note
+    assert assumed.code == "patches.errors-assumed"
 
 
 @pytest.mark.parametrize("names, errors", [
@@ -95,7 +95,7 @@ def test_standard_errors_become_the_covariance(tmp_path, names, errors):
     read = read_patches(tmp_path / "p.csv")
     np.testing.assert_allclose(read.samples.covariance_of_mean[5], np.diag([0.01, 0.04, 0.09]),
                                rtol=1e-12)
-    assert read.notes == ()
+    assert read.findings == ()
 
 
 @pytest.mark.parametrize("text, message", [

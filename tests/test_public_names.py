@@ -334,3 +334,24 @@ def test_a_mean_is_a_spectrum_of_mitsuba(mitsuba):
         assert np.ravel(spectrum.eval(interaction))[0] == pytest.approx(
             np.interp(nm, estimate.nm, estimate.mean), abs=1e-4)
     mitsuba.load_dict({"type": "diffuse", "reflectance": estimate.to_mitsuba()})
+
+
+def test_a_camera_is_fitted_to_patches_as_to_their_photo(demos, monkeypatch, tmp_path):
+    monkeypatch.chdir(demos)
+    chart = sb.find_chart("painting/photos/painting.dng")
+    camera = sb.fit_camera("painting/photos/painting.dng", light="unknown")
+    errors = chart.standard_error
+    same = sb.fit_camera(patches=chart.mean, patch_errors=errors, light="unknown")
+    # a photo tells the covariance of its bands' noise as well
+    np.testing.assert_allclose(same.curves, camera.curves, atol=1e-3)
+    table = sb.fit_camera(patches=chart.to_csv(tmp_path / "patches.csv"), light="unknown")
+    np.testing.assert_allclose(table.curves, camera.curves, atol=1e-3)
+    assumed = sb.fit_camera(patches=60 * chart.mean, light="unknown")   # whatever the unit
+    assert "patches.errors-assumed" in {one.code for one in assumed.findings}
+    assert "patches.errors-assumed" not in {one.code for one in same.findings}
+    np.testing.assert_allclose(assumed.curves, camera.curves, atol=0.05)
+    for wrong in (chart.mean[:5], chart.mean[0], np.full((24, 3), np.nan)):
+        with pytest.raises(sb.InputError, match=r"\(24, K\)"):
+            sb.fit_camera(patches=wrong, light="D65")
+    with pytest.raises(sb.InputError, match="either"):
+        sb.fit_camera("painting/photos/painting.dng", patches=chart.mean, light="D65")

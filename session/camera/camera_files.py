@@ -27,6 +27,7 @@ from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.charts.layouts import chart_layout
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import read_text, whole_file, write_text_whole
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records import spectra
 from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PatchSamples
 from spectrabox.radiometry.spectra import cameras, spectrum_files
@@ -42,14 +43,14 @@ DARK = 0.03             # of the brightest patch: the error of darker ones is th
 
 
 def read_patches(path: Path, chart: Chart = CLASSIC) -> ChartSignals:
-    """Signals of a chart's patches, in chart order, the names of the bands, and notes.
+    """Signals of a chart's patches, in chart order, and the names of the bands.
 
     The first row may name the columns; a column ``standard_error NAME`` holds the standard errors
     of band NAME, and where such columns name no bands they stand in the bands' order. Of a table
     that ``spectrabox chart --out`` wrote, ``clipped NAME`` says which signals are none, and
     positions and spread are left out. Without names, every column is a band. A first column of
     words (patch names) is left out. Where no errors are stated, those that charts and photos have
-    are assumed, and a note says so.
+    are assumed, and a finding says so.
 
     Parameters
     ----------
@@ -94,18 +95,38 @@ def read_patches(path: Path, chart: Chart = CLASSIC) -> ChartSignals:
     if len(set(band_names)) < len(bands):
         raise InputError(f"{path.name} holds two bands of one name ({', '.join(band_names)}); name "
                          "each column once")
-    signal, notes = values[:, bands], tuple[str, ...]()
-    if errors:
-        error = _errors(values, names, band_names, errors, path.name)
-    else:
-        error = ASSUMED_ERROR * np.maximum(np.abs(signal), DARK * np.abs(signal).max(axis=0))
-        notes = (f"{path.name} states no errors of its signals: {ASSUMED_ERROR:.1%} is assumed, as "
-                 f"charts and photos have it; columns named {ERROR_PREFIX} state others",)
+    error = _errors(values, names, band_names, errors, path.name) if errors else None
     clipped = np.column_stack([
         values[:, names.index(column)] if column in names else np.zeros(len(values))
         for column in (f"{chart_patches.CLIPPED_PREFIX} {band}" for band in band_names)
     ])
-    return ChartSignals(path.name, _samples(signal, error, clipped), tuple(band_names), notes)
+    return signals_of_patches(path.name, values[:, bands], error, tuple(band_names), clipped)
+
+
+def signals_of_patches(source: str, signal: np.ndarray, error: np.ndarray | None,
+                       bands: tuple[str, ...], clipped: np.ndarray) -> ChartSignals:
+    """Signals (I, K) of a chart's patches that somebody read elsewhere.
+
+    Parameters
+    ----------
+    source : str
+        What the signals are called.
+    signal : (I, K) array
+    error : (I, K) array or None
+        Standard errors; those that charts and photos have where nothing is stated, as a finding
+        says.
+    bands : tuple of K str
+    clipped : (I, K) array
+        Share of saturated pixels.
+    """
+    assumed: tuple[Finding, ...] = ()
+    if error is None:
+        error = ASSUMED_ERROR * np.maximum(np.abs(signal), DARK * np.abs(signal).max(axis=0))
+        assumed = (Finding("patches.errors-assumed", Severity.NOTE, source,
+                           {"error": ASSUMED_ERROR}),)
+    covariance = np.einsum("ik,kl->ikl", error**2, np.eye(signal.shape[1]))
+    return ChartSignals(source, PatchSamples(signal, covariance, np.ones(len(signal)), clipped,
+                                             np.zeros(signal.shape)), bands, assumed)
 
 
 def _errors(values: np.ndarray, names: list[str], band_names: list[str], columns: list[int],
@@ -122,11 +143,6 @@ def _errors(values: np.ndarray, names: list[str], band_names: list[str], columns
         raise InputError(f"{file} holds a negative standard error; they are 0 or greater, in the "
                          "unit of the signals")
     return values[:, columns]
-
-
-def _samples(signal: np.ndarray, error: np.ndarray, clipped: np.ndarray) -> PatchSamples:
-    covariance = np.einsum("ik,kl->ikl", error**2, np.eye(signal.shape[1]))
-    return PatchSamples(signal, covariance, np.ones(len(signal)), clipped, np.zeros(signal.shape))
 
 
 def _rows(path: Path) -> list[list[str]]:

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from spectrabox.api import arguments, shoot_arguments
+from spectrabox.api import arguments, array_arguments, shoot_arguments
 from spectrabox.api.chart_check import ChartCheck
 from spectrabox.api.colour_profile import ColourProfile, MatrixComparison, profile_of
 from spectrabox.api.photo import Photo, open_photo
@@ -20,9 +21,10 @@ from spectrabox.radiometry import chart, errors, files
 from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.photos import LinearImage
-from spectrabox.radiometry.records.spectra import Quantity
+from spectrabox.radiometry.records.spectra import Quantity, default_band_names
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.radiometry.system.threads import one_blas_thread
+from spectrabox.session.camera import camera_files
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,8 +38,9 @@ class CameraEstimate:
     ----------
     fit : CameraFit
     bands : tuple of K str
-    photo : LinearImage
-        The first photo of a chart: its exposure tells the light's strength in other photos.
+    photo : LinearImage or None
+        The first photo of a chart: its exposure tells the light's strength in other photos. None
+        of patches that were given as numbers.
     layout : Chart
         Of the photos.
 
@@ -56,7 +59,7 @@ class CameraEstimate:
 
     fit: camera.CameraFit
     bands: tuple[str, ...]
-    photo: LinearImage
+    photo: LinearImage | None
     layout: chart.Chart
 
     @property
@@ -147,7 +150,7 @@ class CameraEstimate:
             If the camera has other than three bands, or a word names no family.
         """
         return profile_of(self.calibration, arguments.families_of(families),
-                          self.photo.camera_from_xyz)
+                          None if self.photo is None else self.photo.camera_from_xyz)
 
     def matrices(self, measured: arguments.CameraLike | None = None) -> MatrixComparison:
         """Matrices from the camera's signals to colours, by its curves and by the photographed
@@ -224,7 +227,9 @@ class CameraEstimate:
 
 
 @one_blas_thread()
-def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo], *,
+def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo] | None = None, *,
+               patches: ArrayLike | str | Path | None = None,
+               patch_errors: ArrayLike | None = None,
                light: arguments.LightLike | list[arguments.LightLike],
                layout: str | Path | chart.Chart | None = None, reference: str | None = None,
                chart_scene: str | Path | None = None, leave_out: Sequence[int] = (),
@@ -234,8 +239,13 @@ def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo], *,
 
     Parameters
     ----------
-    charts : path, Photo, or several
+    charts : path, Photo, or several, optional
         Photos of a chart by one camera.
+    patches : (I, K) array or path, optional
+        In place of photos: linear signals of the chart's patches in its order, of any unit, or a
+        table of them as ``camera fit --patches`` takes it.
+    patch_errors : (I, K) array, optional
+        Standard errors of an array of patches; by default 0.4 %, and the fit says so.
     light : path, name, (nm, values) or Spectrum, or a list of one for each photo
         "unknown" gives the products of camera and light.
     layout, reference
@@ -275,12 +285,15 @@ def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo], *,
     >>> camera = sb.fit_camera(["mybox/photos/chart.dng"], light="mybox/spectra/light.csv")
     >>> camera.nm, camera.curves
     >>> camera.checks
+    >>> chart = sb.find_chart("mybox/photos/chart.dng")
+    >>> same = sb.fit_camera(patches=chart.mean, patch_errors=chart.standard_error,
+    ...                      light="mybox/spectra/light.csv")
     """
-    given = [charts] if isinstance(charts, str | Path | Photo) else list(charts)
-    if not given:
-        raise errors.InputError("no photo was given; give one photo of a chart or more")
+    given = [charts] if isinstance(charts, str | Path | Photo) else list(charts or ())
+    if bool(given) == (patches is not None):
+        raise errors.InputError("give either photos of a chart or patches=")
     lights = light if isinstance(light, list) else [light]
-    if len(lights) not in (1, len(given)):
+    if len(lights) not in (1, len(given) or 1):
         raise errors.InputError(
             f"{len(lights)} lights were given for {len(given)} photos; give one for "
             "each photo or one for all")
@@ -289,12 +302,39 @@ def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo], *,
     for one in lights:
         tables = shoot_arguments.Arguments()
         stated.append(tables.capture({
-            "photos": {"object": tables.photo(photos[0])}, "regions": {},
+            "photos": {"object": tables.photo(photos[0]) if photos else "patches"},
+            "regions": {},
             "light": {"spectrum": tables.light(one)},
             "chart": tables.chart(layout, reference) | {
                 "scene": None if chart_scene is None else str(chart_scene),
                 "leave_out": [int(number) for number in leave_out]},
             "sensitivity": {"method": method} | tables.camera_prior(prior)}))
-    shown = [camera.chart_in_photo(photo.image, stated[0]) for photo in photos]
+    shown = [camera.chart_in_photo(photo.image, stated[0]) for photo in photos] \
+        if patches is None else [_given_patches(patches, patch_errors, stated[0].layout)]
     fit = camera.measure_camera(shown, stated, seed)
-    return CameraEstimate(fit, fit.bands, photos[0].image, stated[0].layout)
+    return CameraEstimate(fit, fit.bands, photos[0].image if photos else None, stated[0].layout)
+
+
+def _given_patches(patches: ArrayLike | str | Path, patch_errors: ArrayLike | None,
+                   layout: chart.Chart) -> camera.ChartSignals:
+    """Signals of patches from an array, or a table."""
+    if isinstance(patches, str | Path):
+        if patch_errors is not None:
+            raise errors.InputError("a table of patches states its errors itself; leave "
+                                    "patch_errors out")
+        return camera_files.read_patches(Path(patches), layout)
+    signal = array_arguments.as_numbers(patches, "patches")
+    if signal.ndim != 2 or len(signal) != len(layout.names) or not np.isfinite(signal).all():
+        raise errors.InputError(
+            f"patches of shape {signal.shape} were given; give finite signals "
+            f"({len(layout.names)}, K), one row per patch, {layout.names[0]} first, "
+            f"{layout.names[-1]} last")
+    error = None
+    if patch_errors is not None:
+        error = array_arguments.as_numbers(patch_errors, "patch_errors")
+        if error.shape != signal.shape or not np.all(error >= 0):
+            raise errors.InputError(f"patch_errors of shape {error.shape} were given; give "
+                                    f"standard errors {signal.shape} of 0 or more")
+    return camera_files.signals_of_patches(
+        "the array of patches", signal, error, default_band_names(signal.shape[1]),
+        np.zeros(signal.shape))

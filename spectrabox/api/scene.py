@@ -279,6 +279,8 @@ def _calibration(camera: arguments.CameraLike, light: Spectrum, photo: Photo, er
         curves = arguments.as_curves(camera)
         return calibration_from_curves(FINE_GRID, curves, light, CURVES_ERROR), None, None
     calibration = replace(camera.calibration, light=light)
+    if camera.photo is None:        # patches without an exposure
+        return replace(calibration, light_scale=None), None, None
     scale, made = calibration.light_scale, camera.fit.chart
     if scale is not None:
         scale = scale_for_photo(scale, camera.photo, photo.image)
