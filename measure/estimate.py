@@ -578,7 +578,7 @@ class Estimate:
             **{curve: getattr(summary, curve).tolist() for curve in (*CURVES, *BOUNDS)},
             "effective_samples": None if held is None else held.effective_samples,
             "samples": 0 if held is None else len(held.spectra), "level": summary.level,
-            "method": self.method, "outcome": self.outcome,
+            "method": self.method, "outcome": self.outcome, "ended": self._outcome.value,
             "conditional_on": texts.paragraph(summary.conditional_on),
             "next_measurement_nm": summary.next_measurement_nm, "bounds_from": self.bounds_from}
         if self.contradicting is not None:
@@ -638,6 +638,14 @@ class Estimate:
         SpectrumEstimate
         """
         return dataclasses.replace(self, name=name)
+
+    @property
+    def ending(self) -> Outcome | None:
+        """How the estimate ended, for programs: ``estimate.ending.value`` is "familiar",
+        "unfamiliar", or "out-of-reach" where no spectrum between 0 and 1 gives the signal. None
+        where the spectrum was given.
+        """
+        return None if self.given is not None else self._outcome
 
     @property
     def _outcome(self) -> Outcome:

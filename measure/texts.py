@@ -68,10 +68,10 @@ OUTCOMES: dict[str, str] = {
         "spectra, of untested coverage, is shown; check the calibration.",
     "too-rough":
         "Only spectra rougher than any that were measured give the signal: the draws are of "
-        "the smoothness prior and come as near to it as they can; check the calibration.",
+        "the smoothness prior{reached}; check the calibration.",
     "out-of-reach":
-        "No spectrum between 0 and 1 gives the signal; the draws are of the smoothness prior "
-        "and come as near to it as they can.",
+        "No spectrum between 0 and 1 gives the signal, so that no surface has this colour: the "
+        "draws are of the smoothness prior{reached}.",
     "unsaid":
         "The spectra found do not give this signal, by more than its stated errors allow: a "
         "wider band of untested coverage is shown; check the calibration.",
@@ -985,11 +985,21 @@ def _count_of_misfits(values: Mapping[str, Any]) -> str:
 # ---- surfaces and their draws --------------------------------------------------------------------
 
 
+def _distance(values: Mapping[str, Any]) -> str:
+    """How near spectra come to a signal that they do not give."""
+    if "distance" not in values:        # of what was stored before it was measured
+        return " and come as near to it as they can"
+    nearest = ", ".join(f"{value:.3f}" for value in values["nearest"])
+    return (f". The nearest that can be reached is {nearest} of white, up to "
+            f"{values['distance']:.3f} off, and the signal is taken to err by as much")
+
+
 def _ended(said: str) -> Text:
     """How draws ended, of the surface that is the subject, or of one that need not be named."""
     return Text("Sampler", lambda values: (
         f"Sampler of “{values['subject']}”: " if values["subject"] else "")
-        + _filled_with(said, values), shown="with a reservation", limit="as intended")
+        + _filled_with(said, {"reached": _distance(values), **values}),
+        shown="with a reservation", limit="as intended")
 
 
 TESTED_ON = {"libraries": "measured libraries", "models": "models, no measured library",

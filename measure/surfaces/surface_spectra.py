@@ -84,6 +84,7 @@ def _sample_surface(signals: SurfaceSignals, index: int, options: DrawOptions,
         if draws is None or unsaid:
             variance_shares = posterior.variance_shares(errors_by_cause(signals, index))
             draws = posterior.samples(options.draws, options.seed, options.coefficients)
+            seen = posterior.measurement
         if unsaid:      # of its own signal, which the draws of all surfaces at once left
             draws = dataclasses.replace(draws, outcome=Outcome.UNSAID,
                                         findings=(Outcome.UNSAID.finding(),))

@@ -40,6 +40,7 @@ EDGE, EXACT, INSIDE = 1e-3, 1e-6, 1e-4
 SPARE = 5       # spline coefficients beyond the bands of a signal that has many
 OF_LEARNT = (Outcome.FAMILIAR, Outcome.UNFAMILIAR)          # the others are the smoothness prior's
 APPROXIMATE = (Outcome.TOO_ROUGH, Outcome.OUT_OF_REACH)     # draws come near to the signal only
+UNREACHED = "distance to what can be reached"   # cause of error of a signal that nothing gives
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +66,13 @@ class SignalPosterior:
     outcome : Outcome
         FAMILIAR, UNFAMILIAR; BEYOND_LEARNT, and UNSAID where what was found does not give the
         signal within its stated errors (smoothness prior); or TOO_ROUGH and OUT_OF_REACH, whose
-        draws, of the smoothness prior as well, do not reproduce the signal.
+        draws, of the smoothness prior as well, do not reproduce the signal: its errors must be as
+        large as it is far from what can be reached.
+    unreached : (K, K) array or None
+        Of TOO_ROUGH and OUT_OF_REACH the covariance of that error, which the noise covariance of
+        ``measurement`` holds.
+    nearest : (K,) array or None
+        Of these the nearest signal that smooth spectra, or any between 0 and 1, give.
     """
 
     measurement: SpectralMeasurement
@@ -76,6 +83,8 @@ class SignalPosterior:
     prior: LogitMixture
     parts: tuple[state_posteriors.StatePosterior, ...]
     outcome: Outcome
+    unreached: np.ndarray | None = None
+    nearest: np.ndarray | None = None
 
     @property
     def method(self) -> str:
@@ -85,6 +94,10 @@ class SignalPosterior:
     @property
     def findings(self) -> tuple[Finding, ...]:
         """The outcome, and what it is conditional on."""
+        if self.nearest is not None:
+            return (self.outcome.finding(
+                nearest=self.nearest.tolist(),
+                distance=float(np.abs(self.nearest - self.measurement.signal).max())),)
         return outcome_findings(self.outcome, self.learnt_prior.stated, self.family_shares)
 
     @property
@@ -160,8 +173,8 @@ class SignalPosterior:
         Parameters
         ----------
         causes : mapping to (K, K) arrays
-            Covariances, whose sum is the measurement's noise covariance, by name; what the states
-            of the capture add comes besides.
+            Covariances, whose sum is the noise covariance of the measurement that was given, by
+            name; what the states of the capture add comes besides, and ``unreached``.
 
         Returns
         -------
@@ -174,6 +187,8 @@ class SignalPosterior:
             If the covariances do not add up.
         """
         noise = self.measurement.noise_covariance
+        if self.unreached is not None:
+            causes = {**causes, UNREACHED: self.unreached}
         total = sum(causes.values(), np.zeros_like(noise))
         if np.abs(total - noise).max() > 1e-9 + 1e-6 * np.abs(total).max():
             raise errors.InputError(
@@ -313,12 +328,33 @@ def solve_posterior(prior: LogitMixture, measurement: SpectralMeasurement) -> Si
     outcome = Outcome.UNSAID if reached or not widened.says(widened.mean) \
         else Outcome.BEYOND_LEARNT
     if not _reached(wider):
-        outcome = Outcome.TOO_ROUGH if any(
-            is_reachable(
-                spectral_measurement.MeasurementOperator(part.relative_response, part.signal,
-                                                         part.total_noise))
-            for part in wider) else Outcome.OUT_OF_REACH
+        return _given_distance(widened)
     return replace(widened, outcome=outcome)
+
+
+def _given_distance(found: SignalPosterior) -> SignalPosterior:
+    """The posterior of a signal that no spectrum of the smoothness prior gives, solved again with
+    an error as large as the signal is far from what these spectra give.
+
+    The signal alone says that it errs by that much in some band or other; nothing says in which.
+    """
+    part = max(found.parts, key=lambda each: each.share)
+    response, signal = part.relative_response, part.signal
+    reachable = is_reachable(spectral_measurement.MeasurementOperator(response, signal,
+                                                                      part.total_noise))
+    smooth = response @ part.answer[0]
+    nearest = smooth if reachable else response @ spectral_measurement.nearest_coefficients(
+        response, signal)
+    distance = max(float(np.abs(each - signal).max()) for each in (smooth, nearest))
+    # bands that several photos repeat err alike
+    _, repeated = spectral_measurement.different_bands(found.relative_response)
+    unreached = distance**2 * (repeated @ repeated.T)
+    measured = replace(found.measurement, noise_covariance=found.measurement.noise_covariance
+                       + unreached)
+    parts, _, _ = state_posteriors.solve_in_states(found.prior, found.relative_response, measured)
+    return replace(found, measurement=measured, parts=parts, unreached=unreached,
+                   nearest=found.measurement.signal + (nearest - signal) @ repeated.T,
+                   outcome=Outcome.TOO_ROUGH if reachable else Outcome.OUT_OF_REACH)
 
 
 def _reached(parts: tuple[state_posteriors.StatePosterior, ...]) -> bool:
