@@ -119,9 +119,27 @@ def camera_look(camera_from_xyz: np.ndarray | None, white: tuple[float, ...]) ->
     """
     if camera_from_xyz is None or len(white) != BANDS:
         return None
-    transform = transforms.stated_transform(camera_from_xyz)
+    return _under_even_light(transforms.stated_transform(camera_from_xyz), np.array(white))
+
+
+def look_of_white(calibration: Calibration, white: np.ndarray) -> PhotoLook | None:
+    """A photo of which nothing is known but its calibration and what white reads in it, as of a
+    scene; None of a camera of other than three bands.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    white : (K,) array
+        Signal of white.
+    """
+    if len(white) != BANDS:
+        return None
+    return _under_even_light(daylight_transform(calibration), white)
+
+
+def _under_even_light(transform: transforms.ColourTransform, white: np.ndarray) -> PhotoLook:
     everywhere = np.array([0.0, 1.0])
-    return PhotoLook(transform.exponents, _to_rgb(transform), np.array(white), np.zeros(BANDS),
+    return PhotoLook(transform.exponents, _to_rgb(transform), white, np.zeros(BANDS),
                      (everywhere, everywhere), np.zeros((2, 2)))
 
 

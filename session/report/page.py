@@ -219,7 +219,7 @@ def _scene_page(result: SceneResult, results: SessionResults,
         scene=True, surfaces="Materials", numbers=scene_numbers(result), sections={
             "agreement": _agreement_section("", fit, result.calibration, result.bands),
             "surface_map": maps.surface_figure("surfaces", fit), "views": views, "linked_photo":
-            maps.linked_photo("photo", fit, result.calibration.sensitivity, links), "geometry":
+            maps.linked_photo("photo", fit, result.calibration, links), "geometry":
             maps.geometry_section(result.geometry,
                                   results.previews), "loss": loss_figure("loss", fit.loss_history)
         }, chart_overlay=True,
