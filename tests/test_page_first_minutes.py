@@ -132,6 +132,7 @@ def test_no_verdict_is_shown_before_it_is_settled_and_none_is_cut_off(tmp_path, 
         for width in (390, 800, 1400):
             page.set_viewport_size({"width": width, "height": 844})
             assert not page.evaluate(CUT_OFF), width
+        page.set_viewport_size({"width": 390, "height": 844})
         page.click("#ask [data-finish=glossy]")
         page.wait_for_selector("#verdict.judging")
         page.wait_for_selector("body[data-result=true]")

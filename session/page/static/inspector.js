@@ -119,7 +119,7 @@ function statedOf(name) {
   if (answer?.refused) box.append(make("p", { className: "bad", text: answer.refused }));
   if (answer?.doubt) box.append(make("p", { className: "bad", text: `Not used: ${answer.doubt}` }));
   for (const note of answer?.notes ?? []) box.append(make("p", { className: "bad", text: note }));
-  if (answer?.larger_part) box.append(make("div", { className: "buttons" }, button("Fix this region", () => on.fix(name, answer.larger_part), { "aria-label": `Fix ${name}`, title: "Keep its larger part, on one side of the edge" })));
+  if (answer?.larger_part) box.append(make("div", { className: "buttons" }, button("Fix this region", (event) => { event.currentTarget.blur(); on.fix(name, answer.larger_part); }, { "aria-label": `Fix ${name}`, title: "Keep its larger part, on one side of the edge" })));
   if (session.state.live) {
     const known = make("input", { inputMode: "decimal", size: 8, placeholder: stated.known ?? "0.9", data: { key: "known" },
       on: { change: () => state(name, { known: known.value.trim() }) } });
