@@ -14,7 +14,8 @@ from spectrabox.session.commands.session import _folder_to_open
 UNSETTLED = """() => { window.unsettled = []; window.said = 0;
   const verdict = document.querySelector("#verdict");
   const look = () => { const { className, textContent } = verdict;
-    if (!["pass", "warn", "fail"].includes(className) || textContent.startsWith("Chart")) return;
+    if (verdict.hidden || !["pass", "warn", "fail"].includes(className)) return;
+    if (textContent.startsWith("Chart")) return;
     window.said += 1;
     if (document.body.dataset.result !== "true") window.unsettled.push(textContent); };
   new MutationObserver(look).observe(verdict, { childList: true, subtree: true, attributes: true });

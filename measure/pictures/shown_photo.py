@@ -20,7 +20,8 @@ from spectrabox.measure.profiles import colour_profile
 from spectrabox.measure.regions import white as whites
 from spectrabox.radiometry import appearance
 from spectrabox.radiometry.errors import CheckError
-from spectrabox.radiometry.grid import interpolation_matrix
+from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
+from spectrabox.radiometry.interreflection import relative_response
 from spectrabox.radiometry.profile_files import SRGB
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.photos import LinearImage, RegionSamples
@@ -158,7 +159,8 @@ def daylight_transform(calibration: Calibration) -> transforms.ColourTransform:
     CalibrationError
         If its bands are too alike.
     """
-    response, _ = colour_profile.response_of_calibration(calibration)
+    response = relative_response(calibration, FINE_GRID) @ interpolation_matrix(
+        mixture.PRIOR_GRID.nm, FINE_GRID.nm)
     surfaces = mixture.drawn_reflectances(mixture.load_prior(), SURFACES)
     weights = appearance.tristimulus_weights(mixture.PRIOR_GRID.nm, LIGHT)
     xyz = surfaces @ weights.T @ appearance.adaptation(

@@ -47,7 +47,7 @@ export function showChips(tools) {
   const shown = JSON.stringify([conditions, facts.light]);
   if ($("chips").dataset.shown === shown) return;
   $("chips").dataset.shown = shown;
-  const lamp = live ? [chip(knownLight(facts.light) ? "stated" : "measured", "lamp", knownLight(facts.light) ? facts.light : "estimated from the chart", (event) => lampPanel(event.currentTarget))] : [];
+  const lamp = live ? [chip(knownLight(facts.light) ? "stated" : "measured", "lamp", knownLight(facts.light) ? facts.light : "from the chart", (event) => lampPanel(event.currentTarget))] : [];
   const measured = conditions.filter(({ standing }) => standing === "measured");
   $("chips").replaceChildren(...lamp, ...conditions.filter((one) => !measured.includes(one)).sort((a, b) => ORDER(a) - ORDER(b)).map((one) =>
     chip(one.standing, one.name, STANDINGS[one.standing][1], (event) => conditionPanel(event.currentTarget, one, tools))),
