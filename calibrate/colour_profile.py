@@ -128,9 +128,7 @@ def stated_transform(camera_from_xyz: np.ndarray) -> ColourTransform:
     """
     white = np.linalg.solve(appearance.TO_SRGB, np.ones(3))
     to_xyz = np.linalg.inv(camera_from_xyz / (camera_from_xyz @ white)[:, None])
-    gains = (appearance.BRADFORD @ D50) / (appearance.BRADFORD @ white)
-    adapted = np.linalg.solve(appearance.BRADFORD, gains[:, None] * (appearance.BRADFORD @ to_xyz))
-    return ColourTransform(np.eye(3), adapted)
+    return ColourTransform(np.eye(3), appearance.adaptation(white, D50) @ to_xyz)
 
 
 def colour_errors(transform: ColourTransform, response: np.ndarray, reflectances: np.ndarray,
@@ -225,8 +223,7 @@ def target(name: str, grid: WavelengthGrid, fitted: np.ndarray,
     to_xyz = appearance.tristimulus_weights(grid.nm, name)
     to_d65 = appearance.adapted_tristimulus(grid.nm, name)
     # D50 by the same adaptation: linear, so that white stays white
-    gains = appearance.BRADFORD @ D50 / (appearance.BRADFORD @ to_d65.sum(axis=1))
-    to_d50 = np.linalg.solve(appearance.BRADFORD, gains[:, None] * appearance.BRADFORD) @ to_d65
+    to_d50 = appearance.adaptation(to_d65.sum(axis=1), D50) @ to_d65
     labs = tuple(appearance.lab_from_xyz(each @ to_d50.T, D50) for each in judged)
     return Target(light(name, grid) * grid.weights_nm, fitted, fitted @ to_xyz.T,
                   fitted @ to_d50.T, to_xyz.sum(axis=1), judged, labs)

@@ -30,6 +30,10 @@ def take(page: Any, address: str, selected: str) -> None:
     """The page once verdict and all spectra stand there, with one mark selected."""
     page.set_default_timeout(WAIT_MS)
     page.goto(address)
+    page.wait_for_selector("body[data-result=true][data-look^=calibrated]")
+    for answer in ("[data-finish=unknown]", "[data-card=no]"):      # asked at the beginning alone
+        if page.locator(f"#ask {answer}").is_visible():
+            page.click(f"#ask {answer}")
     page.wait_for_selector("body[data-result=true]")
     page.wait_for_selector("#marks li:last-child .spark", state="attached")
     page.evaluate("name => document.querySelector(`#marks li[data-name='${name}'] .mark`).click()",

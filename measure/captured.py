@@ -284,6 +284,7 @@ class Capture(ABC):
     stray_light: options.StrayLight = field(default_factory=options.StrayLight)
     sampling: options.Sampling = field(default_factory=options.Sampling)
     picture: options.PictureOptions | None = None
+    finish: options.Surface = None          # of surfaces of which nothing else is stated
     seed: int = 1
 
     # light and chart in their positions, where known

@@ -1247,7 +1247,8 @@ def _action(short: str, says: str, cost: str = "one photo") -> Text:
 def _exposed(values: Mapping[str, Any]) -> str:
     """Exposure to add to further photos, and the bands that they leave dark."""
     stops, dark = values.get("stops", ()), values.get("dark", ())
-    return (f" Expose {' and '.join(f'{each:+.1f}' for each in stops)} stops." if stops else "") + (
+    longer = " and ".join(f"{each:+.1f}" for each in stops)
+    return (f" It lets less light through: expose {longer} stops." if stops else "") + (
         f" Dark: band {', '.join(map(str, dark))} of the further bands." if dark else "")
 
 

@@ -29,6 +29,18 @@ TO_ACESCG = np.array([[1.6410233797, -0.3248032942, -0.2364246952],
 ACES_WHITE = np.array([0.32168 / 0.33767, 1.0, (1 - 0.32168 - 0.33767) / 0.33767])
 
 
+def adaptation(white: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Matrix (3, 3) that takes X, Y, Z under one white to those under another, by Bradford.
+
+    Parameters
+    ----------
+    white, wanted : (3,) arrays
+        X, Y, Z of both whites.
+    """
+    gains = (BRADFORD @ wanted) / (BRADFORD @ white)
+    return np.linalg.solve(BRADFORD, gains[:, None] * BRADFORD)
+
+
 def reflectance_to_srgb(nm: np.ndarray, reflectance: np.ndarray) -> np.ndarray:
     """Encoded sRGB (3,), 0 to 1, of a surface under D65; colours outside the gamut are clipped.
 

@@ -163,6 +163,11 @@ SPACES: dict[str, RgbSpace | LabSpace] = {
         (2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.04045)),
     "lab": LabSpace()}
 
+# IEC 61966-2-1, adapted likewise: pictures for the screen
+SRGB = RgbSpace("sRGB", appearance.adaptation(
+    np.linalg.solve(appearance.TO_SRGB, np.ones(3)), PCS_WHITE) @ np.linalg.inv(appearance.TO_SRGB),
+    (2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.04045))
+
 
 def camera_profile_bytes(name: str, matrix: np.ndarray, table: np.ndarray) -> bytes:
     """An input profile with a matrix and a table.

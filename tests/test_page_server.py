@@ -118,7 +118,8 @@ def test_the_state_says_photos_marks_and_stages(session):
     with served(session) as (address, _):
         status, state = asked(address + "/api/state")
         assert status == 200 and state["problems"] == []
-        assert state["photos"] == [{"role": "photo", "file": "photos/sample.dng", "there": True}]
+        assert state["photos"] == [{"role": "photo", "file": "photos/sample.dng", "there": True,
+                                    "look": ""}]
         assert set(state["marks"]["regions"]) == {"white_wall", "green_wall", "red_wall", "cube"}
         # the first three are made in the background
         assert [stage["state"] for stage in state["stages"]][3:] == ["missing"] * 2
@@ -151,7 +152,8 @@ def test_the_pixels_under_the_pointer_are_those_of_the_file(session, tmp_path, m
         assert status == 200
         np.testing.assert_allclose(said["signal"], wanted, rtol=1e-6)
         assert asked(f"{address}/api/size?role=photo")[1] == {
-            "size": [480, 320], "bands": 3, "tile": 100, "step": 2.0, "pixels": [240, 160]}
+            "size": [480, 320], "bands": 3, "tile": 100, "step": 2.0, "pixels": [240, 160],
+            "camera": True}
         status, said = asked(f"{address}/api/value?role=photo&x=480&y=5")
         assert status == 409 and "480 x 320" in said["error"]
 

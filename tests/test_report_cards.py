@@ -56,6 +56,20 @@ def test_eight_regions_fit_a_page_of_a_few_screens_and_four_sheets(page, paintin
 
 
 @pytest.mark.parametrize("report", ["painting", "box"])
+def test_the_first_screen_answers_and_what_it_rests_on_folds_out(page, report, request):
+    page.set_viewport_size({"width": 1400, "height": 900})
+    page.goto(request.getfixturevalue(report).as_uri())
+    for part in ("#verdict", "#photos svg.plot", "svg.spectra", ".card .colour"):
+        box = page.locator(part).first.bounding_box()
+        assert box["y"] + min(box["height"], 400) <= 900, part
+    table = page.locator("#conditions table")
+    assert table.is_hidden()
+    page.click("nav a[href='#conditions']")
+    table.wait_for()
+    assert table.locator("tbody tr").count() > 3
+
+
+@pytest.mark.parametrize("report", ["painting", "box"])
 def test_captions_have_at_most_two_lines(page, report, request):
     page.goto(request.getfixturevalue(report).as_uri())
     page.evaluate(UNFOLD)

@@ -12,6 +12,7 @@ import OpenImageIO as oiio
 from spectrabox.capture.photo.stored_images import SATURATED, VARIANCE
 from spectrabox.radiometry.errors import EnvironmentProblem
 from spectrabox.radiometry.files import require_utf8_name, whole_file
+from spectrabox.radiometry.profile_files import SRGB
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.system.words import reason_of
 
@@ -161,8 +162,7 @@ def write_tiff16(path: str | os.PathLike[str], picture: np.ndarray,
     if icc_profile is None:
         spec.attribute("oiio:ColorSpace", "CIELab")     # photometric interpretation 8
     else:
-        spec.attribute("ICCProfile", oiio.TypeDesc(f"uint8[{len(icc_profile)}]"),
-                       np.frombuffer(icc_profile, np.uint8))
+        _tag(spec, icc_profile)
     _write(Path(path), np.ascontiguousarray(picture, dtype=np.uint16), spec)
 
 
@@ -170,7 +170,13 @@ def _write_for_screen(path: Path, rgb8: np.ndarray, attributes: Mapping[str, int
     spec = oiio.ImageSpec(rgb8.shape[1], rgb8.shape[0], rgb8.shape[2], oiio.UINT8)
     for name, value in attributes.items():
         spec.attribute(name, value)
+    _tag(spec, SRGB.profile)
     _write(path, np.ascontiguousarray(rgb8, dtype=np.uint8), spec)
+
+
+def _tag(spec: oiio.ImageSpec, icc_profile: bytes) -> None:
+    spec.attribute("ICCProfile", oiio.TypeDesc(f"uint8[{len(icc_profile)}]"),
+                   np.frombuffer(icc_profile, np.uint8))
 
 
 def _write(path: Path, pixels: np.ndarray, spec: oiio.ImageSpec) -> None:

@@ -10,6 +10,7 @@ person reads pixels from is turned afterwards, once, as other programs show it.
 from __future__ import annotations
 
 import dataclasses
+import functools
 from pathlib import Path
 
 import numpy as np
@@ -207,7 +208,6 @@ def signal_rgb8(signal: np.ndarray, factor: int = 1,
     """
     height, width = (size // factor for size in signal.shape[:2])
     picture = np.empty((height, width, 3), np.uint8)
-    table = encode_srgb8(np.arange(TABLE_SIZE) / (TABLE_SIZE - 1))
     for channel, (band, brightest) in enumerate(zip(_shown_bands(signal), white or whites(signal),
                                                     strict=True)):
         plane = signal[..., band]
@@ -216,12 +216,28 @@ def signal_rgb8(signal: np.ndarray, factor: int = 1,
             for row, column in np.ndindex(factor, factor):
                 plane += signal[row:height * factor:factor, column:width * factor:factor, band]
             plane /= np.float32(factor**2)
-        # by a table: ten times as fast, and off by less than 0.03 code values
-        index = plane * np.float32((TABLE_SIZE - 1) / brightest)
-        index += np.float32(0.5)
-        np.clip(index, 0, TABLE_SIZE - 1, out=index)
-        picture[..., channel] = table[index.astype(np.uint16)]
+        picture[..., channel] = linear_rgb8(plane * np.float32(1 / brightest))
     return picture
+
+
+def linear_rgb8(linear: np.ndarray) -> np.ndarray:
+    """sRGB code values (uint8) of linear values as ``encode_srgb8``, by a table: ten times as fast,
+    and off by less than 0.03 of them.
+
+    Parameters
+    ----------
+    linear : array of any shape
+        Clipped to 0 to 1.
+    """
+    index = linear * np.float32(TABLE_SIZE - 1)
+    index += np.float32(0.5)
+    np.clip(index, 0, TABLE_SIZE - 1, out=index)
+    return np.asarray(_code_values()[index.astype(np.uint16)])
+
+
+@functools.cache
+def _code_values() -> np.ndarray:
+    return encode_srgb8(np.arange(TABLE_SIZE) / (TABLE_SIZE - 1))
 
 
 def encode_srgb8(linear: np.ndarray) -> np.ndarray:

@@ -230,6 +230,26 @@ def _largest_rectangle(cells: Cells, chosen: np.ndarray, sensor_step: float) -> 
     """
     free = np.zeros((int(cells.row.max()) + 1, int(cells.column.max()) + 1), bool)
     free[cells.row, cells.column] = chosen
+    largest = largest_rectangle(free)
+    if largest is None:
+        return None
+    corners = np.array(largest) * cells.side + np.tile(cells.start, 2)
+    return np.asarray(np.rint(corners * sensor_step + [0, 0, -1, -1]))
+
+
+def largest_rectangle(free: np.ndarray) -> tuple[int, int, int, int] | None:
+    """Left, top, right and bottom, the last two exclusive, of the largest rectangle of free cells.
+
+    Parameters
+    ----------
+    free : (h, w) array of bool
+        Of a few dozen cells a side: all pairs of rows are tried.
+
+    Returns
+    -------
+    tuple of int or None
+        None where no cell is free.
+    """
     area, largest = 0, (0, 0, 0, 0)
     for top in range(len(free)):
         for bottom in range(top + 1, len(free) + 1):
@@ -239,7 +259,4 @@ def _largest_rectangle(cells: Cells, chosen: np.ndarray, sensor_step: float) -> 
                 if run * (bottom - top) > area:
                     area = run * (bottom - top)
                     largest = (column + 1 - run, top, column + 1, bottom)
-    if not area:
-        return None
-    corners = np.array(largest) * cells.side + np.tile(cells.start, 2)
-    return np.asarray(np.rint(corners * sensor_step + [0, 0, -1, -1]))
+    return largest if area else None

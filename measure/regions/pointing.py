@@ -13,12 +13,14 @@ import numpy as np
 
 from spectrabox.capture.photo import preview, regions, registration
 from spectrabox.measure import captured, opened_photos
+from spectrabox.measure.pictures import shown_photo
 from spectrabox.measure.records import CaptureRecords, PhotoRecords
 from spectrabox.measure.regions import flat_signals, white
 from spectrabox.measure.steps.photos import PHOTO_THUMBNAIL_WIDTH as THUMBNAIL_WIDTH
 from spectrabox.measure.steps.photos import outlines_in, registration_of
 from spectrabox.measure.steps.signals import flat_errors, flat_photos
 from spectrabox.measure.surfaces.surface_spectra import DrawOptions
+from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.records.photos import LinearImage, RegionSamples, Registration
 from spectrabox.radiometry.records.spectra import SurfaceSpectrum
 from spectrabox.sampling.prior.signal_posterior import SignalPosterior
@@ -84,8 +86,44 @@ class PointedSample:
     @cached_property
     def _known_samples(self) -> dict[str, RegionSamples | None]:
         """Of each view: its regions of known spectrum."""
-        return {view.name: self._sampled(self.capture, view, self.capture.known)
+        return {view.name: self._sampled(self.capture, view, self._known)
                 for view in self.capture.views}
+
+    @cached_property
+    def doubted_known(self) -> dict[str, str]:
+        """Regions of known spectrum that contradict the light of the chart, or those before them,
+        and what is wrong with each: nothing is concluded from them.
+        """
+        doubted: dict[str, str] = {}
+        for name in self.capture.known:
+            known = {other: spectrum for other, spectrum in self.capture.known.items()
+                     if other not in doubted}
+            known = dict(list(known.items())[:list(known).index(name) + 1])
+            try:
+                for view, photo in zip(self.capture.views, self.calibrated.photos, strict=True):
+                    white.white_at_regions(replace(photo, samples=self._sampled(
+                        self.capture, view, known)), known, self.errors)
+            except CheckError as error:
+                doubted[name] = str(error)
+        return doubted
+
+    @property
+    def _known(self) -> dict[str, np.ndarray]:
+        """Reflectances of the known regions that agree with the light."""
+        return {name: spectrum for name, spectrum in self.capture.known.items()
+                if name not in self.doubted_known}
+
+    @cached_property
+    def looks(self) -> dict[str, shown_photo.PhotoLook]:
+        """Of each view whose photo has colours of its own: how it is shown in them."""
+        looks = {}
+        for view, photo in zip(self.capture.views, self.calibrated.photos, strict=True):
+            look = shown_photo.calibrated_look(
+                replace(photo, samples=self._known_samples[view.name]), self._known,
+                self.errors)
+            if look is not None:
+                looks[view.name] = look
+        return looks
 
     def _sampled(self, capture: captured.FlatCapture, view: captured.View,
                  names: Iterable[str]) -> RegionSamples | None:
@@ -108,7 +146,7 @@ class PointedSample:
                                   self._known_samples[view.name]) for view in alone.views]
         errors = replace(self.errors, surfaces={name: region.surface} if region.surface else {})
         return flat_signals.signal_of_region(self.calibrated.photos, samples, region.families,
-                                self.capture.known, self.calibrated.bands, errors)
+                                self._known, self.calibrated.bands, errors)
 
     def drawn(self, name: str) -> tuple[flat_signals.RegionSignal, SurfaceSpectrum]:
         """Signal and spectrum of a region of the capture, as a report has them.

@@ -13,6 +13,7 @@ from spectrabox.calibrate.geometry.colmap_model import ModelImage, read_colmap
 from spectrabox.calibrate.geometry.lens import read_lens
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.measure import captured
+from spectrabox.measure.shoot import options
 from spectrabox.measure.shoot.curves import FilterTable, LightTable, SpectrumTable
 from spectrabox.measure.shoot.inputs import Inputs, chart_files, chart_of
 from spectrabox.measure.shoot.shoot import FILE_NAME, CompleteView, Shoot, SurfaceSection
@@ -136,7 +137,19 @@ class _Reader:
                 photos.not_linear, photos.orientation),
             "sensitivity": self.read(_sensitivity, shoot, self.inputs),
             "repeatability": shoot.repeatability, "stray_light": shoot.stray_light,
-            "sampling": shoot.sampling, "picture": shoot.picture}
+            "sampling": shoot.sampling, "picture": self._picture(), "finish": self.finish}
+
+    @property
+    def finish(self) -> options.Surface:
+        """What is stated of all surfaces."""
+        stated = self.shoot.session.surface
+        return None if stated == "unknown" else stated
+
+    def _picture(self) -> options.PictureOptions | None:
+        picture = self.shoot.picture
+        if picture is None or picture.surface is not None:
+            return picture
+        return picture.model_copy(update={"surface": self.finish})
 
     def _view(self, view: CompleteView) -> dict[str, Any]:
         """What is stated of a photo, by the fields of a view."""
@@ -161,7 +174,7 @@ class _Reader:
         known, truth = (None if table is None else self.read(read_reflectance, self.inputs, table)
                         for table in (section.known, section.truth))
         return {
-            "families": section.families, "surface": section.surface, "known":
+            "families": section.families, "surface": section.surface or self.finish, "known":
             None if known is None else spectrum_files.spectrum_on_grid(known, grid.FINE_GRID),
             "truth": truth
         }

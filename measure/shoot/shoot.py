@@ -53,6 +53,9 @@ class SessionSection(Table):
     operator: str = Field("", description="shown in the report")
     notes: str = Field("", description="shown in the report")
     seed: int = Field(1, ge=0, le=2**31 - 1, description="same seed, same results")
+    surface: Literal["matt", "satin", "glossy", "unknown"] | None = Field(
+        None, description="finish of all that is measured where its own table says none: matt, "
+        "satin or glossy; unknown where nobody can say")
 
 
 class PhotosSection(Table):

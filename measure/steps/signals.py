@@ -7,7 +7,9 @@ import numpy as np
 
 from spectrabox.calibrate.chart_equations import PatchError
 from spectrabox.capture.chart.patches import clipped_bands
-from spectrabox.measure.captured import Capture, FlatCapture
+from spectrabox.measure.captured import Capture, FlatCapture, View
+from spectrabox.measure.extras import attempt, to_keep
+from spectrabox.measure.pictures import shown_photo
 from spectrabox.measure.records import CaptureRecords, RegionLight, SampleRecords, SignalRecords
 from spectrabox.measure.regions.flat_signals import flat_signals
 from spectrabox.measure.regions.moved_lamp import differences_of_photos
@@ -18,10 +20,14 @@ from spectrabox.measure.regions.white import (
     white_at_regions,
 )
 from spectrabox.measure.scene.draws import draw_through_transport
+from spectrabox.measure.steps.photos import PREVIEW_WIDTH
 from spectrabox.measure.steps.work import Work
 from spectrabox.measure.surfaces.surface_spectra import DrawOptions, sample_surfaces
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.spectra import SpectrumSamples
+
+CALIBRATED = "calibrated"   # name of a photo's picture in the colours of its calibration
 
 
 def find_signals(capture: FlatCapture, records: CaptureRecords, work: Work) -> SignalRecords:
@@ -48,10 +54,12 @@ def find_signals(capture: FlatCapture, records: CaptureRecords, work: Work) -> S
     known = capture.known
     lights: dict[str, RegionLight] = {}
     whites = []
+    findings: list[Finding] = []
     for number, (view, photo) in enumerate(zip(capture.views, photos, strict=True)):
         work.progress(number / len(photos), view.photo_names[0])
         white = white_at_regions(photo, known, errors)
         whites.append(white)
+        findings += _write_calibrated(capture, view, photo, errors, work)
         if white is not None:
             lights[view.name] = RegionLight(
                 np.exp(white.log_field), white.field_error,
@@ -59,8 +67,26 @@ def find_signals(capture: FlatCapture, records: CaptureRecords, work: Work) -> S
                 light_map(photo, known, errors))
     signals = flat_signals(photos, whites, capture.families, known,
                            capture.band_names(records.photo.bands), errors)
-    return SignalRecords(signals, lights, differences_of_photos(
-        signals, [photo.name for photo in photos]))
+    return SignalRecords(signals, lights, (*differences_of_photos(
+        signals, [photo.name for photo in photos]), *findings))
+
+
+def _write_calibrated(capture: FlatCapture, view: View, photo: FlatPhoto, errors: FlatErrors,
+                      work: Work) -> tuple[Finding, ...]:
+    """The photo in the colours of its calibration, among the step's pictures; none of a camera of
+    other than three bands.
+    """
+    if work.folder is None:
+        return ()
+    look, failed = attempt(f"picture {CALIBRATED!r}",
+                           lambda: shown_photo.calibrated_look(photo, capture.known, errors), None)
+    if failed is not None:
+        return (to_keep(failed),)
+    if look is None:
+        return ()
+    image, _ = work.photos.developed(view.photo)
+    return work.write_picture(view.label(CALIBRATED), lambda: shown_photo.look_of_image(
+        look, image, -(-image.signal.shape[1] // PREVIEW_WIDTH)))
 
 
 def require_unknown_region(capture: FlatCapture) -> None:

@@ -8,12 +8,14 @@ from pathlib import Path
 
 from spectrabox.capture.photo import linear, metadata
 from spectrabox.measure import extras, texts
+from spectrabox.measure.captured import View
 from spectrabox.measure.steps.declared_steps import INVERSION
 from spectrabox.radiometry import errors
 from spectrabox.session import kept_stages, pipeline, problems
 from spectrabox.session.batch import overview
 from spectrabox.session.config.session_file import SessionConfig, read_session
 from spectrabox.session.outputs.run_outputs import outputs_of_run
+from spectrabox.session.outputs.session_results import calibrated_picture, raw_picture
 from spectrabox.session.report.pictures import picture_data_uri
 from spectrabox.session.store.locks import only_writer
 from spectrabox.session.terminal.command_line import describe_error
@@ -119,7 +121,7 @@ def _run(task: Task) -> overview.Outcome:
         facts, _, _, failed = outputs_of_run(config, finished, words, order.device, quiet)
         files = overview.input_states(config)
         photo = metadata.photo_metadata(config.path(config.all_views[0].photo_files[0]))
-        preview = config.results_folder / "photo" / "preview.png"
+        preview = shown_picture(config, finished.capture.views[0])
         thumbnail, fault = extras.attempt("picture of the photo", lambda: picture_data_uri(
             preview, THUMBNAIL_PX), "")
     return overview.Outcome(str(task.folder), "done", config.session.name, facts["verdict"],
@@ -130,6 +132,12 @@ def _run(task: Task) -> overview.Outcome:
                    taken_at=photo.taken_at, thumbnail=thumbnail,
                    failed_extras=tuple(texts.sentence(one) for one in extras.different(
                        (*failed, *(() if fault is None else (fault,))))))
+
+
+def shown_picture(config: SessionConfig, view: View) -> Path:
+    """PNG of a view's photo for lists of sessions: calibrated, or else as the camera saw it."""
+    calibrated = calibrated_picture(config.results_folder, view)
+    return calibrated if calibrated.is_file() else raw_picture(config.results_folder, view)
 
 
 def needed_bytes(config: SessionConfig) -> int:

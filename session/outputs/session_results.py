@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure.captured import Capture
+from spectrabox.measure.captured import Capture, View
 from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.results import flat_result, result_of_records, scene_result
+from spectrabox.measure.steps.signals import CALIBRATED
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves
@@ -61,10 +62,13 @@ class SessionResults:
     inputs: tuple[UsedFile, ...]
     stages: tuple[StageRun, ...]
     sensitivity_truth: tuple[np.ndarray, np.ndarray] | None  # nm (P,), curves (K, P)
-    previews: Mapping[str, Path]      # PNG of each whole object photo by view, "" the first
+    # PNG of each whole object photo as the camera saw it, by view, "" the first
+    previews: Mapping[str, Path]
     chart_overlay: Path               # PNG of the chart, where it was detected
     # versions, command, seed, started, finished, machine facts without paths
     provenance: Mapping[str, Any]
+    # the previews in the colours of the calibration, where there are
+    calibrated: Mapping[str, Path] = field(default_factory=dict)
     # digests of session.toml, of input files and of stored results
     input_digests: Mapping[str, Any] = field(default_factory=dict)
     # titles of the picture's maps, and a reduced PNG of each
@@ -107,10 +111,23 @@ def session_results(config: SessionConfig, run: FinishedRun,
         stages=tuple(StageRun(name, stage.seconds, run.states[name])
                      for name, stage in run.stored.items()),
         sensitivity_truth=_sensitivity_truth(config),
-        previews={view.name: folder / "photo" / f"{view.label('preview')}.png"
-                  for view in capture.views},
+        previews={view.name: raw_picture(folder, view) for view in capture.views},
+        calibrated={view.name: path for view in capture.views
+                    if (path := calibrated_picture(folder, view)).is_file()},
         chart_overlay=folder / "chart" / "overlay.png", provenance=provenance,
         input_digests=run.input_digests(config), picture_maps=maps)
+
+
+def raw_picture(results: Path, view: View) -> Path:
+    """PNG of a view's photo as the camera saw it, in a folder of results."""
+    return results / "photo" / f"{view.label('preview')}.png"
+
+
+def calibrated_picture(results: Path, view: View) -> Path:
+    """PNG of a view's photo in the colours of its calibration; of a scene, and of a camera of other
+    than three bands, there is none.
+    """
+    return results / "signals" / f"{view.label(CALIBRATED)}.png"
 
 
 def picture_folder(config: SessionConfig) -> str:

@@ -69,6 +69,7 @@ class LiveSample:
         # of which sample, as the page shows it, and itself
         self._result: tuple[PointedSample | None, dict[str, Any] | None, FlatResult | None] = \
             None, None, None
+        self._looks_of: Any = None      # calibration and known regions that photos are shown by
         self._seen: Any = None
         self._lock, self._drawing = threading.Lock(), threading.Lock()
         self._advising, self._wanted = threading.Lock(), threading.Event()
@@ -184,7 +185,8 @@ class LiveSample:
             raise errors.InputError(f"there is no region {shortened(name)}")
         region = capture.regions[name]
         if region.given is not None:
-            return pointed_answers.described_spectrum(FINE_GRID.nm, region.given) | {"given": True}
+            return pointed_answers.described_spectrum(FINE_GRID.nm, region.given) | {
+                "given": True, "doubt": sample.doubted_known.get(name, "")}
         depends = depends_on(sample, name)
         if depends not in self._kept:
             answer = pointed_answers.answered_or_refused(
@@ -265,7 +267,8 @@ class LiveSample:
             _, failed = attempt("spectra on the page", partial(self._update, config), None)
             if failed is not None:
                 self._error, self._sample = failed.values["error"], None
-            elif not self._wanted.wait(SETTLED_S):
+            attempt("calibrated picture", self._show_calibrated, None)
+            if failed is None and not self._wanted.wait(SETTLED_S):
                 self._find_result()
 
     def _find_result(self) -> None:
@@ -286,6 +289,21 @@ class LiveSample:
         """The result of what is marked now, and what the page shows of it."""
         found = pointed_answers.result_now(sample, lambda name: self._drawn_region(sample, name)[1])
         return found, pointed_answers.described_result(found)
+
+    def _show_calibrated(self) -> None:
+        """Show the photos in the colours of the calibration, and of what is known of the light."""
+        sample = self._sample
+        depends = None if sample is None else (sample.calibrated, digest_of_parts({
+            name: sample.capture.regions[name] for name in sample.capture.known}))
+        if depends == self._looks_of:
+            return
+        self._looks_of, looks = depends, {}
+        if sample is not None:
+            for view in sample.capture.views:
+                files = [file for band in view.photo.values() for file in band]
+                if len(files) == 1 and view.name in sample.looks:
+                    looks[files[0].path] = sample.looks[view.name]
+        self._views.calibrate(looks)
 
     def _update(self, config: SessionConfig | None) -> None:
         """Bring what is known up to a session, or have a run begin that will."""
@@ -395,5 +413,5 @@ def part_of(capture: captured.FlatCapture, role: str, rect: Sequence[float]) -> 
     titles = [view.title for view in capture.views]
     if role not in titles:
         raise errors.InputError("a photo of the samples is needed")
-    return captured.Region(outline=captured.rectangle(rect), photos=(role, ) if len(titles) > 1 else
-                           ())
+    return captured.Region(outline=captured.rectangle(rect), surface=capture.finish,
+                           photos=(role, ) if len(titles) > 1 else ())

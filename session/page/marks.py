@@ -25,7 +25,8 @@ from spectrabox.session.page.written_session import Pixel, mark_faults
 
 MAX_UNDO = 200
 RECEIVED = "spectra/"       # where spectra lie that the page was given
-OF_SESSION = {"name": ("session", "name"), "light": ("light", "spectrum")}
+OF_SESSION = {"name": ("session", "name"), "light": ("light", "spectrum"),
+              "surface": ("session", "surface")}
 OF_VIEW = {"photo", "same_light_as", "light", "lamp", "filter"}
 DECIMALS = 1            # of a pixel: no hand marks finer
 STATED = ("family", "known", "surface", "truth")    # of a region
@@ -53,8 +54,8 @@ class Mark(checked_tables.Table):
     stated: dict[str, str] = Field(
         default_factory=dict, description="of a region: family, surface, truth (a file), and "
         "known: its reflectance, a file or one number at all wavelengths; of the session: name, "
-        "light, and picture, \"on\"; of a view: photo, light, same_light_as, lamp, filter. Nothing "
-        "is stated by an empty text")
+        "light, surface (\"unknown\" too), and picture, \"on\"; of a view: photo, light, "
+        "same_light_as, lamp, filter. Nothing is stated by an empty text")
 
 
 class MarkedSession:

@@ -1,9 +1,10 @@
 """Photos for the page: tiles for the eye at every scale, and signals under the pointer."""
 from __future__ import annotations
 
+import itertools
 import tempfile
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
@@ -15,15 +16,20 @@ from spectrabox.capture.photo import preview
 from spectrabox.capture.photo.image_writers import write_jpeg, write_png
 from spectrabox.capture.photo.linear import signal_alone, tile_step
 from spectrabox.capture.photo.raw import decode
+from spectrabox.capture.photo.region_edges import largest_rectangle
+from spectrabox.capture.photo.regions import MIN_PIXELS
 from spectrabox.capture.photo.stored_images import is_image_file
+from spectrabox.measure.pictures.shown_photo import PhotoLook, camera_look
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.photos import LinearImage, RawFrame
 
 MAX_OPEN = 3            # photos kept decoded
 TILE = 512              # px, a side of a tile
 MAX_TILES = 400         # encoded, of each photo
+MAX_CELLS = 32          # a side, in which the part of a rectangle that is not clipped is sought
 MAX_HALVINGS = 12       # of a photo of a million pixels a side nothing else is left
 FileKey = tuple[Path, int, int, int]    # with its orientation, time and length
+RAW, CAMERA, CALIBRATED = "raw", "camera", "calibrated"     # how a photo is shown
 Kept = TypeVar("Kept")
 
 
@@ -42,9 +48,10 @@ class OpenPhoto:
     signal: np.ndarray      # (H, W, K) linear
     step: float             # pixels of the sensor a side of one of these
     white: tuple[float, ...]    # what is shown as full brightness of each band
-    # made as they are asked for: the signal halved so many times, and tiles as files
+    camera: PhotoLook | None    # by the camera's own matrix, before there is a calibration
+    # made as they are asked for: the signal halved so many times, and tiles as files by look
     halved: dict[int, np.ndarray] = field(default_factory=dict)
-    tiles: dict[tuple[int, int, int], bytes] = field(default_factory=dict)
+    tiles: dict[tuple[str, int, int, int], bytes] = field(default_factory=dict)
 
     def reduced(self, halvings: int) -> np.ndarray:
         """The signal, halved so many times."""
@@ -60,6 +67,15 @@ class OpenPhoto:
         height, width = self.signal.shape[:2]
         return round(width * self.step), round(height * self.step)
 
+    def picture(self, look: PhotoLook | None, halvings: int, top: int, left: int) -> np.ndarray:
+        """A tile (h, w, 3) uint8 by a look; None: bands as the camera read them."""
+        cut = self.reduced(halvings)[top:top + TILE, left:left + TILE]
+        if look is None:
+            return preview.signal_rgb8(cut, white=self.white)
+        y_px, x_px = ((start + np.arange(count) + 0.5) * 2**halvings * self.step - 0.5
+                      for start, count in zip((top, left), cut.shape[:2], strict=True))
+        return look.rgb8(cut, x_px, y_px)
+
     def cell(self, x: float, y: float) -> tuple[int, int] | None:
         """Row and column of a pixel of the sensor; None outside the photo."""
         row, column = int((y + 0.5) / self.step), int((x + 0.5) / self.step)
@@ -74,6 +90,8 @@ class PhotoViews:
     def __init__(self) -> None:
         self._photos: dict[FileKey, OpenPhoto] = {}
         self._clipped: dict[FileKey, np.ndarray] = {}
+        self._looks: dict[Path, tuple[str, PhotoLook]] = {}     # of a calibration, with their names
+        self._numbers = itertools.count(1)
         self._lock = threading.Lock()
 
     def photo(self, file: PhotoFile) -> OpenPhoto:
@@ -112,9 +130,31 @@ class PhotoViews:
         """
         key = _key(file)
         with self._lock:
-            _kept(self._photos, key, lambda: OpenPhoto(image.signal, image.sensor_step,
-                                                       preview.whites(image.signal)))
+            _kept(self._photos, key, lambda: _open_photo(image.signal, image.sensor_step,
+                                                         image.camera_from_xyz))
             _kept(self._clipped, key, lambda: image.saturated)
+
+    def calibrate(self, looks: Mapping[Path, PhotoLook]) -> None:
+        """Show photos in the colours of their calibration from now on, and no others.
+
+        Parameters
+        ----------
+        looks : mapping
+            By the photos' paths.
+        """
+        with self._lock:
+            for path, look in looks.items():
+                known = self._looks.get(path)
+                if known is None or known[1] is not look:
+                    self._looks[path] = f"{CALIBRATED}-{next(self._numbers)}", look
+            for path in {*self._looks} - {*looks}:
+                del self._looks[path]
+
+    def look(self, path: Path) -> str:
+        """Name of the calibrated look of a photo, another for each calibration; empty where there
+        is none.
+        """
+        return self._looks[path][0] if path in self._looks else ""
 
     def described(self, file: PhotoFile) -> dict[str, object]:
         """How large a photo is, and how its tiles lie: each has ``tile`` pixels a side, one of
@@ -123,11 +163,20 @@ class PhotoViews:
         photo = self.photo(file)
         height, width, bands = photo.signal.shape
         return {"size": photo.size, "bands": bands, "tile": TILE, "step": photo.step,
-                "pixels": (width, height)}
+                "pixels": (width, height), "camera": photo.camera is not None}
 
-    def tile(self, file: PhotoFile, halvings: int, column: int, row: int) -> bytes:
+    def tile(self, file: PhotoFile, halvings: int, column: int, row: int,
+             look: str = RAW) -> bytes:
         """A tile of the photo, smaller at its right and lower edge: a PNG of the pixels as they
-        are, or a JPEG of the photo halved so many times.
+        are, or a JPEG of the photo halved so many times; both sRGB, and tagged.
+
+        Parameters
+        ----------
+        file : PhotoFile
+        halvings, column, row : int
+        look : str
+            "raw" for the bands as the camera read them, each to its own brightest parts; else the
+            calibration's colours, and before there is one the camera's own.
 
         Raises
         ------
@@ -140,16 +189,52 @@ class PhotoViews:
         if not (0 <= halvings <= MAX_HALVINGS and 0 <= top < height and 0 <= left < width):
             raise InputError(f"the photo of {photo.size[0]} x {photo.size[1]} pixels has no such "
                              "tile")
-        key = halvings, column, row
         with self._lock:
+            name, by = self._looks.get(file.path, (CAMERA, photo.camera))
+            if look == RAW or by is None:
+                name, by = RAW, None
+            key = name, halvings, column, row
             if key not in photo.tiles:
-                cut = photo.reduced(halvings)[top:top + TILE, left:left + TILE]
-                shown = preview.signal_rgb8(cut, white=photo.white)
+                shown = photo.picture(by, halvings, top, left)
                 for old in list(photo.tiles)[:-MAX_TILES]:
                     del photo.tiles[old]
                 photo.tiles[key] = encoded(shown, write_jpeg, ".jpg") if halvings else \
                     encoded(shown, write_png, ".png")
             return photo.tiles[key]
+
+    def unclipped(self, file: PhotoFile, rect: Sequence[float]) -> list[float] | None:
+        """The largest rectangle [x0, y0, x1, y1] inside another that holds no clipped pixel; None
+        where there is none that is large enough for a region.
+
+        Parameters
+        ----------
+        file : PhotoFile
+        rect : (x0, y0, x1, y1)
+            In pixels of the sensor.
+
+        Raises
+        ------
+        InputError
+            If the photo cannot be read.
+        """
+        step, clipped = self.photo(file).step, self.clipped(file)
+        height, width = clipped.shape[:2]
+        x0, x1 = (int(np.clip(round((at + 0.5) / step), 0, width)) for at in sorted(rect[::2]))
+        y0, y1 = (int(np.clip(round((at + 0.5) / step), 0, height)) for at in sorted(rect[1::2]))
+        side = max(-(-max(x1 - x0, y1 - y0) // MAX_CELLS), 1)
+        rows, columns = (y1 - y0) // side, (x1 - x0) // side
+        if not rows or not columns:
+            return None
+        cells = clipped[y0:y0 + rows * side, x0:x0 + columns * side].reshape(
+            rows, side, columns, side, -1)
+        largest = largest_rectangle(np.logical_not(cells.any(axis=(1, 3, 4))))
+        if largest is None:
+            return None
+        left, top, right, bottom = largest
+        if (right - left) * (bottom - top) * side**2 < 2 * MIN_PIXELS:
+            return None
+        return [(x0 + left * side) * step, (y0 + top * side) * step,
+                (x0 + right * side) * step - 1, (y0 + bottom * side) * step - 1]
 
     def value(self, file: PhotoFile, x: float, y: float) -> dict[str, object]:
         """Signal and clipping of each band at a pixel of the sensor.
@@ -212,7 +297,13 @@ def _opened(file: PhotoFile) -> OpenPhoto:
         frame = decode(file.path)
         if isinstance(frame, RawFrame):
             signal = preview.turned_array(signal_alone(frame), file.orientation)
-            return OpenPhoto(signal, float(tile_step(frame.cfa, frame.file)),
-                             preview.whites(signal))
+            return _open_photo(signal, float(tile_step(frame.cfa, frame.file)),
+                               frame.camera_from_xyz)
     image = preview.turned(open_any(file.path, not_linear=True), file.orientation)
-    return OpenPhoto(image.signal, image.sensor_step, preview.whites(image.signal))
+    return _open_photo(image.signal, image.sensor_step, image.camera_from_xyz)
+
+
+def _open_photo(signal: np.ndarray, step: float, camera_from_xyz: np.ndarray | None) -> OpenPhoto:
+    white = preview.whites(signal)
+    return OpenPhoto(signal, step, white,
+                     camera_look(camera_from_xyz, white) if signal.shape[2] == len(white) else None)

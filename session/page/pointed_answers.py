@@ -114,7 +114,9 @@ def described(signal: RegionSignal, lower: np.ndarray, upper: np.ndarray, labs: 
         notes.append(texts.says(photos.uneven_region(name, signal.scatter)))
     return {"lower": _rounded(lower), "upper": _rounded(upper),
             "lab_error": _rounded(labs.std(axis=0)), "families": _largest(families),
-            "causes": _largest(causes), "light": list(signal.light), "notes": notes}
+            "causes": _largest(causes), "light": list(signal.light), "notes": notes,
+            "larger_part": None if signal.edge is None or signal.edge.larger_part_px is None
+            else signal.edge.larger_part_px.tolist()}
 
 
 def described_spectrum(nm: np.ndarray, reflectance: np.ndarray) -> dict[str, Any]:

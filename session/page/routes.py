@@ -12,7 +12,7 @@ from starlette.routing import BaseRoute, Route
 
 from spectrabox.radiometry.errors import SpectraboxError
 from spectrabox.session.page import answers
-from spectrabox.session.page.photo_views import PhotoFile
+from spectrabox.session.page.photo_views import RAW, PhotoFile
 from spectrabox.session.page.session_page import MARKED, SessionPage
 from spectrabox.session.page.start_page import StartPage
 from spectrabox.session.page.written_session import MAX_PX
@@ -90,7 +90,10 @@ def _photos(page: SessionPage) -> list[BaseRoute]:
     return [
         of_photo("/api/size", lambda file, asked: views.described(file)),
         of_photo("/api/tile", lambda file, asked: views.tile(
-            file, *(int(asked[name]) for name in ("halvings", "column", "row")))),
+            file, int(asked["halvings"]), int(asked["column"]), int(asked["row"]),
+            asked.get("look", RAW))),
+        of_photo("/api/unclipped", lambda file, asked: {
+            "rect": views.unclipped(file, _pixels(asked, RECTANGLE))}),
         of_photo("/api/value", lambda file, asked: views.value(file, *_pixels(asked, ("x", "y")))),
         _taking("/api/file", answers.receiving(page.received))]
 

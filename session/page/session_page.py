@@ -99,7 +99,8 @@ class SessionPage:
         for role, name in written_session.photos_of(tables).items():
             path = self._inside(name)
             if path is not None:
-                photos.append({"role": role, "file": name, "there": path.is_file()})
+                photos.append({"role": role, "file": name, "there": path.is_file(),
+                               "look": self.photos.look(path)})
         marked: Sequence[str] = ()      # files of what is marked now, which no report need hold
         if live is not None and live["ready"] and marks["regions"]:
             marked = MARKED

@@ -32,13 +32,15 @@ function axes(spectra, [left, top, right, bottom], stepNm, step) {
   return { parts, ends, across, up, line, band };
 }
 
-// Mean and band of one spectrum; `others` are further spectra, drawn as lines.
+// Mean and band of one spectrum; `others` are further spectra, drawn as dashed lines. What has a colour
+// (hex) is drawn in it, on a rim that is seen on any ground.
 export function smallSpectrum(label, spectrum, others = []) {
   const svg = node("svg", { class: "spectrum", role: "img", "aria-label": label, viewBox: "0 0 256 123" });
   const { parts, line, band } = axes([spectrum, ...others], [24, 6, 244, 106], 100, 0.5);
   svg.append(...parts);
   if (spectrum.lower) svg.append(band(spectrum));
-  svg.append(line("mean", spectrum.nm, spectrum.mean), ...others.map((one) => line("other", one.nm, one.mean)));
+  const drawn = (cls, { nm, mean, hex }, more) => hex ? [line("casing", nm, mean, { "stroke-width": 4 }), line(cls, nm, mean, { stroke: hex, "stroke-width": 2.4, ...more })] : [line(cls, nm, mean)];
+  svg.append(...drawn("mean", spectrum, {}), ...others.flatMap((one) => drawn("other", one, { "stroke-dasharray": "7 4" })));
   if (spectrum.truth) svg.append(line("truth", spectrum.truth.nm, spectrum.truth.values));
   return svg;
 }

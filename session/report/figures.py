@@ -273,6 +273,7 @@ def error_budget_bars(name: str, surface: surface_result.SurfaceResult) -> svg.D
 
 # ---- figures of photos of flat samples: what they show, and the light over them ------------------
 
+RAW_PX = 500                # a side of the photo as the camera saw it, which a switch shows
 PHOTO_WIDTH, MAP = 446.0, 216.0           # in points, of the photo and of the map of the light
 BAR, BAR_SHADES = 9.0, 64           # width in points of the bar of colours, and its shades
 CHART, REGION, EDGE, RIM = "#ffffff", "#ffd34d", "#ff5a3c", "#000"
@@ -281,7 +282,7 @@ CONTOURS = (0.01, 0.02, 0.05, 0.1, 0.2)     # of the light's relative error
 
 @svg.figure("the photo")
 def photo_figure(name: str, photo: flat_result.PhotoOfRegions, preview: Path,
-                 links: Mapping[str, svg.MarkLink]) -> Markup:
+                 links: Mapping[str, svg.MarkLink], calibrated: Path | None = None) -> Markup:
     """The photo with its chart and regions outlined, edges across these and the larger part beside
     them in red; the axes count pixels. A region leads to its card.
 
@@ -291,13 +292,20 @@ def photo_figure(name: str, photo: flat_result.PhotoOfRegions, preview: Path,
         Of the figure on its page, unique there.
     photo : PhotoOfRegions
     preview : Path
-        PNG of the whole photo.
+        PNG of the whole photo as the camera saw it.
     links : mapping
         From the name of a region.
+    calibrated : Path, optional
+        The same in the colours of the calibration; the other lies hidden above it.
     """
     width, height = photo.size_px
     plot = _over_photo(name, photo, PHOTO_WIDTH, (30, 4, 20, 4))
-    plot.picture(_corners(photo), pictures.picture_data_uri(preview), smooth=True)
+    if calibrated is not None:
+        plot.picture(_corners(photo), pictures.picture_data_uri(calibrated), smooth=True)
+        plot.picture(_corners(photo), pictures.picture_data_uri(preview, RAW_PX), smooth=True,
+                     kind="raw")
+    else:
+        plot.picture(_corners(photo), pictures.picture_data_uri(preview), smooth=True)
     for patch in () if photo.chart_px is None else photo.chart_px:
         plot.outline(patch, CHART, 0.7)
     for region, corners in photo.outlines.items():

@@ -188,9 +188,10 @@ def _flat_page(result: FlatResult, results: SessionResults,
                links: Mapping[str, svg.MarkLink]) -> KindOfPage:
     """Photos with regions and light."""
     photos = [PhotoSection(photo, figures.photo_figure(
-                               f"photo-{number}", photo, results.previews[photo.view], links),
+                               f"photo-{number}", photo, results.previews[photo.view], links,
+                               results.calibrated.get(photo.view)),
                            figures.light_figure(f"light-map-{number}", photo),
-                           _whiskers(photo))
+                           _whiskers(photo), photo.view in results.calibrated)
               for number, photo in enumerate(result.photos, start=1)]
     return KindOfPage(scene=False, surfaces="Regions", numbers=flat_numbers(result),
                       sections={"photos": photos, "geometry": None},
@@ -218,7 +219,7 @@ def _scene_page(result: SceneResult, results: SessionResults,
         scene=True, surfaces="Materials", numbers=scene_numbers(result), sections={
             "agreement": _agreement_section("", fit, result.calibration, result.bands),
             "surface_map": maps.surface_figure("surfaces", fit), "views": views, "linked_photo":
-            maps.linked_photo("photo", fit, result.calibration.sensitivity, links), "geometry":
+            maps.linked_photo("photo", fit, result.calibration, links), "geometry":
             maps.geometry_section(result.geometry,
                                   results.previews), "loss": loss_figure("loss", fit.loss_history)
         }, chart_overlay=True,
@@ -234,6 +235,7 @@ class PhotoSection:
     figure: Markup
     light: Markup | None            # over the photo; None where it shows no region
     whiskers: dict[str, Markup]     # by region: its light with its error
+    calibrated: bool                # whether the photo is shown in the colours of the calibration
 
 
 def _content(results: SessionResults, kind: KindOfPage, cards: list[Card]) -> dict[str, Any]:

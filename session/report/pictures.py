@@ -105,6 +105,7 @@ def pixels_data_uri(pixels: np.ndarray) -> str:
     rows = np.pad(values.reshape(height, -1), ((0, 0), (1, 0)))
     head = struct.pack(">IIBBBBB", width, height, 8, kind, 0, 0, 0)
     return _data_uri(PNG_SIGNATURE + _chunk(b"IHDR", head)
+                     + _chunk(b"sRGB", b"\0")
                      + _chunk(b"IDAT", zlib.compress(rows.tobytes(), COMPRESSION))
                      + _chunk(b"IEND", b""))
 

@@ -234,11 +234,13 @@ class Plot:
         self._marks.append(f'<rect x="{left:.2f}" y="{top:.2f}" width="{right - left:.2f}" '
                            f'height="{bottom - top:.2f}" fill="{fill}"/>')
 
-    def picture(self, corners: Sequence[float], uri: str, smooth: bool = False) -> None:
-        """A picture, from a data URI, between (x0, y0) and (x1, y1)."""
+    def picture(self, corners: Sequence[float], uri: str, smooth: bool = False,
+                kind: str = "") -> None:
+        """A picture, from a data URI, between (x0, y0) and (x1, y1); of a kind for the style sheet.
+        """
         left, right = sorted(self.x(corners[0::2]).tolist())
         top, bottom = sorted(self.y(corners[1::2]).tolist())
-        self._marks.append(_image((left, top, right, bottom), uri, smooth))
+        self._marks.append(_image((left, top, right, bottom), uri, smooth, kind))
 
     def beside(self, points: tuple[float, float, float, float], uri: str) -> None:
         """A picture, from a data URI, outside of the axes: its left, upper, right and lower edge in
@@ -384,9 +386,11 @@ def rounded(values: Any) -> np.ndarray:
         return np.where(np.isfinite(scale), np.round(array * scale) / scale, array)
 
 
-def _image(points: tuple[float, float, float, float], uri: str, smooth: bool) -> str:
+def _image(points: tuple[float, float, float, float], uri: str, smooth: bool,
+           kind: str = "") -> str:
     left, top, right, bottom = points
-    return (f'<image x="{left:.2f}" y="{top:.2f}" width="{right - left:.2f}" '
+    named = f'class="{kind}" ' if kind else ""
+    return (f'<image {named}x="{left:.2f}" y="{top:.2f}" width="{right - left:.2f}" '
             f'height="{bottom - top:.2f}" preserveAspectRatio="none" href="{uri}"'
             + ("" if smooth else ' style="image-rendering:pixelated"') + "/>")
 

@@ -10,7 +10,7 @@ import { LIGHTS, details, labOf, labWords, one } from "./words.js";
 const FAMILIES = ["paint", "textile", "leaves", "skin", "white", "earth", "animal"], SURFACES = ["matt", "satin", "glossy"];
 const options = (values) => [["", "not stated"], ...values.map((value) => [value, value])];
 export const chosen = { selected: "", picks: [] };      // picks: at most two, {name} or {role, x0, y0, x1, y1, at}
-let on = { select() {}, picked() {}, rename() {}, remove() {} }, pointed = null, pointing = false;
+let on = { fix() {}, select() {}, picked() {}, rename() {}, remove() {} }, pointed = null, pointing = false;
 export const follow = (handlers) => { on = handlers; };
 
 // ---- the colour under the pointer, or of the selected mark
@@ -98,12 +98,12 @@ function showRow(name) {
   if (one.shown !== answer) {
     one.shown = answer;
     sw.replaceChildren(...(answer?.hex ? [swatch(answer.hex)] : []));
-    lab.textContent = answer?.lab ? labOf(answer) : answer?.refused ? "no spectrum" : "…"; lab.classList.toggle("bad", Boolean(answer?.refused)); lab.title = answer?.refused ?? "";
+    lab.textContent = answer?.lab ? labOf(answer) : answer?.refused ? "no spectrum" : "…"; lab.classList.toggle("bad", Boolean(answer?.refused || answer?.doubt || answer?.larger_part)); lab.title = answer?.refused ?? answer?.doubt ?? "";
     sp.replaceChildren(...(answer?.mean ? [sparkline(answer)] : []));
   }
   const tick = head.querySelector("[type=checkbox]"); if (tick) tick.checked = chosen.picks.some((each) => each.name === name);
   one.classList.toggle("selected", selected);
-  const stated = selected ? JSON.stringify([regions()[name], session.state.live && !answer?.mean ? answer?.refused : ""]) : "";
+  const stated = selected ? JSON.stringify([regions()[name], session.state.live && !answer?.mean ? answer?.refused : "", answer?.doubt, answer?.notes, answer?.larger_part]) : "";
   if (one.dataset.stated !== stated && !one.querySelector(".statements :focus")) {
     one.dataset.stated = stated;
     one.children[1]?.remove();          // the row itself stays: its name may have the focus
@@ -117,6 +117,9 @@ function statedOf(name) {
   const { stated, photo, rect, outline } = regions()[name], box = make("div", { className: "statements" });
   const answer = session.spectra[name];
   if (answer?.refused) box.append(make("p", { className: "bad", text: answer.refused }));
+  if (answer?.doubt) box.append(make("p", { className: "bad", text: `Not used: ${answer.doubt}` }));
+  for (const note of answer?.notes ?? []) box.append(make("p", { className: "bad", text: note }));
+  if (answer?.larger_part) box.append(make("div", { className: "buttons" }, button("Fix this region", (event) => { event.currentTarget.blur(); on.fix(name, answer.larger_part); }, { "aria-label": `Fix ${name}`, title: "Keep its larger part, on one side of the edge" })));
   if (session.state.live) {
     const known = make("input", { inputMode: "decimal", size: 8, placeholder: stated.known ?? "0.9", data: { key: "known" },
       on: { change: () => state(name, { known: known.value.trim() }) } });
@@ -166,10 +169,11 @@ const refuse = (text) => { $("comparison").replaceChildren(make("p", { className
 // Both swatches touch, as the eye compares best.
 function showComparison({ names, lights, spectra, says, distinct, refused }) {
   if (refused) { refuse(refused); return; }
+  const colours = lights.find(({ light }) => light === "D65").hex;
   const table = make("table"), head = table.createTHead().insertRow(), body = table.createTBody();
   for (const text of ["Light", `${names[0]} | ${names[1]}`, "\u0394E00 (95 %)"]) head.append(make("th", { scope: "col", text }));
   for (const { light, hex, delta_e00: delta, lower, upper } of lights)
     body.append(make("tr", {}, make("th", { scope: "row", text: LIGHTS[light] ?? light }), make("td", {}, pairOf(hex)), make("td", { text: `${one(delta)} (${one(lower)} to ${one(upper)})` })));
-  $("comparison").replaceChildren(smallSpectrum(`Reflectances of ${names[0]} and ${names[1]} over wavelength`, spectra[0], [spectra[1]]),
+  $("comparison").replaceChildren(smallSpectrum(`Reflectances of ${names[0]} and ${names[1]} over wavelength`, { ...spectra[0], hex: colours[0] }, [{ ...spectra[1], hex: colours[1] }]),
     make("p", { className: distinct ? "" : "bad", text: says }), table);
 }

@@ -6,7 +6,7 @@ import * as panels from "./panels.js";
 import { PhotoView } from "./photo.js";
 import { ask, base, get, upload } from "./server.js";
 import { follow, freeName, mark, refresh, regions, say, send, session, severalPhotos, state } from "./session.js";
-import { problemsOf, stateWords, upToDate, verdictOf } from "./words.js";
+import { problemsOf, settled, stateWords, upToDate, verdictOf } from "./words.js";
 
 const HINTS = {
   look: "Point at a colour. Drag to move, wheel to zoom.",
@@ -19,7 +19,7 @@ const HINTS = {
 };
 const TOUCH_HINTS = { look: "Tap a colour to see its spectrum. Hold a finger on it to mark it.", region: "Drag a finger over one colour." };
 const TOOL_KEYS = { p: "look", r: "region", g: "polygon", c: "compare", w: "white", k: "chart", b: "box" };
-const KEYS = [["P", "point"], ["R", "region"], ["G", "polygon"], ["C", "compare"], ["W", "white card"], ["K", "chart"], ["F", "whole photo"], ["I", "fold the inspector"], ["+ −", "zoom"],
+const KEYS = [["P", "point"], ["R", "region"], ["G", "polygon"], ["C", "compare"], ["W", "white card"], ["K", "chart"], ["F", "whole photo"], ["O", "the photo as the camera saw it"], ["I", "fold the inspector"], ["+ −", "zoom"],
   ["Space", "move the photo while it is held"], ["Arrows", "move the photo, or the selected mark; with Shift by ten"], ["Enter", "set a point in the middle"], ["Delete", "remove the selected mark"], ["Ctrl Z", "undo"], ["Esc", "let go"]];
 const POINTER_PX = 12, MIN_SIDE = 12;       // of the square under the pointer: on the screen, and at least of the photo
 const DRAWS = ["region", "white"];
@@ -32,13 +32,35 @@ const view = new PhotoView($("canvas"), { point, pointer, leave: inspector.leave
 async function open(role) {
   session.role = role; clearPoints(); inspector.clearPicks();
   try {
-    const about = await get(`/api/size?${new URLSearchParams({ role })}`);
+    about = await get(`/api/size?${new URLSearchParams({ role })}`);
     if (session.role !== role) return;
-    await view.show(about, (halvings, column, row) => `${base}/api/tile?${new URLSearchParams({ role, halvings, column, row })}`);
-    document.body.dataset.photo = role;
+    const look = wantedLook();
+    await view.show(about, tilesOf(role, look));
+    document.body.dataset.photo = role; showLook(look);
   } catch (error) { say(error.message); }
   show();
 }
+
+// ---- the colours that the photo is shown in: of the calibration, before it of the camera, or as the bands read
+const LOOKS = { raw: "as the camera saw it", camera: "preview in the camera\u2019s own colours", calibrated: "calibrated colours (sRGB, daylight)" };
+let about = null, raw = false, recolouring = false;
+const tilesOf = (role, look) => (halvings, column, row) => `${base}/api/tile?${new URLSearchParams({ role, halvings, column, row, look })}`;
+function wantedLook() {
+  if (raw) return "raw";
+  return session.state.photos.find(({ role }) => role === session.role)?.look || (about?.camera ? "camera" : "raw");
+}
+function showLook(look) {
+  document.body.dataset.look = look; $("shown").textContent = LOOKS[look.split("-")[0]];
+  $("raw").setAttribute("aria-pressed", String(raw)); $("raw").disabled = !raw && look === "raw";
+}
+async function followLook() {
+  const { role } = session, look = wantedLook();
+  if (recolouring || document.body.dataset.photo !== role || document.body.dataset.look === look) return;
+  recolouring = true;
+  try { await view.recolour(tilesOf(role, look)); if (session.role === role) showLook(look); } catch (error) { say(error.message); }
+  recolouring = false;
+}
+function switchRaw() { raw = !raw; followLook(); }
 
 // ---- the spectrum under the pointer: one question at a time, the latest position next
 let next = null, asking = false, soon = null;
@@ -73,11 +95,17 @@ const squareAt = (at) => view.squareAt(at, Math.max(POINTER_PX / 2, MIN_SIDE / 2
 const ownPhoto = () => severalPhotos() && !session.state.live && !session.role.startsWith("shot:") ? session.role : "";
 async function addRect(rect, byFinger) {
   const card = mode === "white", name = freeName(card ? "white card" : "sample");
-  if (!await mark({ kind: "region", name, points: rect, photo: ownPhoto() })) return;
+  if (!await mark({ kind: "region", name, points: rect, photo: ownPhoto() })) { offerUnclipped(rect, byFinger); return; }
   say(`${name} is marked`); view.select(name);
   if (card) { panels.cardPanel($("tools").querySelector("[data-mode=white]"), name); return; }
   const input = document.querySelector(`#marks input[data-name="${CSS.escape(name)}"]`);
   if (!byFinger && !finger.matches) { input?.select(); input?.focus({ preventScroll: true }); }
+}
+// What is refused since a part of it is clipped can be marked without that part.
+async function offerUnclipped([[x0, y0], [x1, y1]], byFinger) {
+  const { rect } = await get(`/api/unclipped?${new URLSearchParams({ role: session.role, x0, y0, x1, y1 })}`);
+  if (!rect || rect.every((at, i) => Math.abs(at - [Math.min(x0, x1), Math.min(y0, y1), Math.max(x0, x1), Math.max(y0, y1)][i]) < 2 * view.step)) return;
+  $("said").append(" ", button("Mark the part that is not clipped", () => { $("said").hidden = true; addRect([rect.slice(0, 2), rect.slice(2)], byFinger); }, { id: "fix-clipped" }));
 }
 function moved(name, outline) {
   if (name === "chart" && quad) { quad = outline; showOutlines(); return; }
@@ -145,7 +173,7 @@ function update() {
   if (!session.role) { const first = now.photos.find(({ there }) => there); if (first) open(first.role); }
   if (live && !begun) { begun = true; if (!chosenMode) { choose(finger.matches ? "look" : "region"); chosenMode = false; } }
   if (live?.error && !chosenMode && view.size && !Object.keys(live.charts).length && /chart/i.test(live.error)) choose("chart");
-  show();
+  show(); followLook();
   if (now.report !== reportStamp && !now.run.running) {
     reportStamp = now.report;
     if (now.report !== null) loadReport(now.report);
@@ -165,9 +193,10 @@ function show() {
   const { run, live, photos } = now, verdict = verdictOf(now), listed = JSON.stringify([photos, now.facts.views, session.role]);
   if ($("photos").dataset.listed !== listed) { $("photos").dataset.listed = listed; $("photos").replaceChildren(...photos.map(photoItem)); }
   $("add-photo").hidden = !live || !session.role;
-  const charts = Object.values(live?.charts ?? {}), bad = charts.some((one) => one.verdict !== "GOOD"), word = verdict ? verdict.status.toUpperCase() : charts.length ? `Chart ${bad ? "RE-SHOOT" : "GOOD"}` : "";
-  $("verdict").hidden = !word; $("verdict").className = verdict ? verdict.status : bad ? "fail" : "pass";
-  $("verdict").replaceChildren(make("strong", { text: word }), make("span", { text: verdict ? (verdict.status === "pass" && verdict.condition ? ` if ${verdict.condition}` : ` ${verdict.says}`) : bad ? ` ${charts.find((one) => one.reasons.length)?.reasons[0] ?? ""}` : "" }));
+  const charts = Object.values(live?.charts ?? {}), bad = charts.some((one) => one.verdict !== "GOOD"), judging = !settled(now) && live.ready && Object.keys(regions()).length > 0,
+    word = verdict ? verdict.status.toUpperCase() : judging ? "Verdict …" : charts.length ? `Chart ${bad ? "RE-SHOOT" : "GOOD"}` : "";
+  $("verdict").hidden = !word; $("verdict").className = verdict ? verdict.status : judging ? "judging" : bad ? "fail" : "pass";
+  $("verdict").replaceChildren(make("strong", { text: word }), make("span", { text: verdict ? (verdict.status === "pass" && verdict.condition ? ` if ${verdict.condition}` : ` ${verdict.says}`) : bad && !judging ? ` ${charts.find((one) => one.reasons.length)?.reasons[0] ?? ""}` : "" }));
   const problems = problemsOf(now); $("progress").textContent = stateWords(now); $("progress").title = problems.join("\n"); $("progress").className = problems.length ? "bad" : upToDate(now) ? "good" : "";
   $("undo").disabled = !now.undo; $("stop").hidden = !run.running || Boolean(run.until && !run.waiting);
   $("run").disabled = $("report").hidden && ((run.running && !run.until) || run.waiting || now.problems.length > 0 || (live && !Object.keys(now.marks.regions).length));
@@ -178,7 +207,7 @@ function show() {
   $("save").textContent = mode === "chart" ? "Use these corners" : "Save"; $("clear").hidden = !view.points.length;
   $("points").hidden = ["corner-label", "save", "clear"].every((id) => $(id).hidden);
   if ($("corner").options.length !== now.corner_names.length) $("corner").replaceChildren(...now.corner_names.map((value) => make("option", { text: value, value })));
-  showMissing(); showHint(problems); showOutlines(); inspector.showMarks(); inspector.showLooked(); advise(); panels.showChips({ choose }); panels.followState(); showShooting();
+  showMissing(); showHint(problems); showOutlines(); inspector.showMarks(); inspector.showLooked(); advise(); panels.showChips({ choose }); panels.showAsk({ choose }); panels.followState(); showShooting();
 }
 // One line on the photo: what the tool does, while nothing is marked with it; a problem before that.
 function showHint(problems) {
@@ -253,11 +282,12 @@ document.addEventListener("keydown", (event) => {
   else if ((event.key === "Delete" || event.key === "Backspace") && view.selected in regions()) { event.preventDefault(); remove(view.selected); }
   else if (plain && tool && !document.querySelector(`[data-mode="${tool}"]`).hidden) choose(tool);
   else if (plain && key === "f") view.whole();
+  else if (plain && key === "o") switchRaw();
   else if (plain && key === "i") fold();
   else if (event.key === "?") panels.keysPanel($("keys"), KEYS);
 });
 for (const one of document.querySelectorAll("[data-mode]")) one.addEventListener("click", () => choose(one.dataset.mode));
-for (const [id, does] of [["run", report], ["stop", panels.stop], ["undo", undo], ["save", save], ["clear", () => { clearPoints(); show(); }], ["fit", () => view.whole()], ["closer", () => view.zoom(1.5)], ["farther", () => view.zoom(1 / 1.5)],
+for (const [id, does] of [["run", report], ["stop", panels.stop], ["undo", undo], ["save", save], ["clear", () => { clearPoints(); show(); }], ["fit", () => view.whole()], ["raw", switchRaw], ["closer", () => view.zoom(1.5)], ["farther", () => view.zoom(1 / 1.5)],
   ["name", () => { if (session.state?.live) panels.namePanel($("name")); }], ["verdict", () => panels.verdictPanel($("verdict"))], ["progress", () => panels.statePanel($("progress"))], ["export", () => panels.exportPanel($("export"))], ["keys", () => panels.keysPanel($("keys"), KEYS)],
   ["add-photo", () => panels.photoPanel($("add-photo"))], ["fold", () => fold()], ["handle", () => fold()], ["no-compare", () => { inspector.clearPicks(); if (mode === "compare") choose(finger.matches ? "look" : "region"); }]]) $(id).addEventListener("click", does);
 $("advice").addEventListener("toggle", advise);
@@ -273,7 +303,7 @@ follow({ update, spectra: inspector.showSpectra, say(text) {
   $("said").textContent = text; $("said").hidden = !text; clearTimeout(quiet);
   quiet = setTimeout(() => { $("said").hidden = true; }, Math.max(4000, 60 * text.length));
 } });
-inspector.follow({ select: (name) => view.select(name), picked: showOutlines, rename, remove, comparing: () => mode === "compare" });
+inspector.follow({ fix: (name, [x0, y0, x1, y1]) => mark({ kind: "region", name, points: [[x0, y0], [x1, y1]], photo: regions()[name].photo ?? "" }), select: (name) => view.select(name), picked: showOutlines, rename, remove, comparing: () => mode === "compare" });
 fold(narrow.matches);
 // often until spectra can be shown
 for (;;) { await refresh(); await new Promise((go) => setTimeout(go, session.state?.live && !session.state.live.result_now ? 250 : 1000)); }

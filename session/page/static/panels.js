@@ -47,12 +47,13 @@ export function showChips(tools) {
   const shown = JSON.stringify([conditions, facts.light]);
   if ($("chips").dataset.shown === shown) return;
   $("chips").dataset.shown = shown;
-  const lamp = live ? [chip("stated", "lamp", facts.light || "unknown", (event) => lampPanel(event.currentTarget))] : [];
+  const lamp = live ? [chip(knownLight(facts.light) ? "stated" : "measured", "lamp", knownLight(facts.light) ? facts.light : "from the chart", (event) => lampPanel(event.currentTarget))] : [];
   const measured = conditions.filter(({ standing }) => standing === "measured");
   $("chips").replaceChildren(...lamp, ...conditions.filter((one) => !measured.includes(one)).sort((a, b) => ORDER(a) - ORDER(b)).map((one) =>
     chip(one.standing, one.name, STANDINGS[one.standing][1], (event) => conditionPanel(event.currentTarget, one, tools))),
   ...(measured.length ? [chip("measured", "measured", measured.length, (event) => measuredPanel(event.currentTarget, measured))] : []));
 }
+const knownLight = (light) => Boolean(light) && light !== "unknown";
 // What is measured is one chip: nothing need be done about it.
 function measuredPanel(anchor, conditions) {
   showPanel(anchor, "measured", [title("Measured"), ...conditions.map((one) => make("details", { data: { condition: one.name } }, make("summary", { text: capital(one.name) }), ...conditionWords(one).map((text) => make("p", { text }))))], "What is measured");
@@ -67,10 +68,10 @@ function lampPanel(anchor) {
     labelled("Kind of light", input), make("datalist", { id: "lights" }, ...LIGHT_KINDS.map((value) => make("option", { value })))], "Lamp");
 }
 function conditionPanel(anchor, one, tools) {
-  const unknown = Object.entries(regions()).filter(([, { stated }]) => !stated.known), { code, name, standing } = one;
+  const { code, name, standing } = one;
   const does = [];
-  if (code === "condition.gloss" && session.state.live) does.push(labelled("Finish of all marks", choice([["", "not stated"], ["matt", "matt"], ["satin", "satin"], ["glossy", "glossy"]],
-    [...new Set(unknown.map(([, { stated }]) => stated.surface ?? ""))].join("|"), async (surface) => { for (const [each] of unknown) await state(each, { surface }); })));
+  if (code === "condition.gloss" && session.state.live) does.push(labelled("Finish of all that says no other", choice(FINISHES, session.state.facts.surface ?? "unknown",
+    (surface) => mark({ kind: "session", stated: { surface } }))));
   if (standing !== "measured" && session.state.live) {
     if (["condition.light", "condition.plane"].includes(code)) does.push(button("Mark a white card", () => { $("panel").hidePopover(); tools.choose("white"); }));
     if (["condition.gloss", "condition.plane", "condition.shadow"].includes(code)) does.push(button("Add a photo with the lamp moved", () => photoPanel(anchor, "moved")));
@@ -116,12 +117,32 @@ export function keysPanel(anchor, keys) {
   showPanel(anchor, "keys", [title("Keys"), make("dl", { className: "keys" }, ...keys.flatMap(([key, text]) => [make("dt", {}, make("kbd", { text: key })), make("dd", { text })]))], "Keys");
 }
 
+// ---- asked once at the beginning, beside the work: how the samples mirror, then whether a card is there
+const FINISHES = [["matt", "matt"], ["satin", "satin"], ["glossy", "glossy"], ["unknown", "don\u2019t know"]];
+let card = false;
+export function showAsk(tools) {
+  const { live, facts } = session.state, what = !live ? "" : facts.surface === null ? "finish" : card && !Object.values(regions()).some(({ stated }) => stated.known) ? "card" : "";
+  if ($("ask").dataset.what === what) return;
+  $("ask").dataset.what = what; $("ask").hidden = !what;
+  if (what === "finish") {
+    $("ask").replaceChildren(title("How do your samples look in grazing light?"), soft("It decides how dark their dark colours are, by up to 5 L*."),
+      make("div", { className: "buttons" }, ...FINISHES.map(([surface, text]) => button(text, async () => { if (await mark({ kind: "session", stated: { surface } })) { card = true; showAsk(tools); } }, { data: { finish: surface } }))));
+  } else if (what === "card") {
+    $("ask").replaceChildren(title("Is a white or grey card of known reflectance beside them?"), soft("It says how bright the light on them is. It is not part of the chart."),
+      make("div", { className: "buttons" }, button("Mark it", () => tools.choose("white"), { data: { card: "yes" } }), button("No", () => { card = false; showAsk(tools); }, { data: { card: "no" } })));
+  }
+}
+
 // ---- the reflectance of a white card that has just been marked
 export function cardPanel(anchor, name) {
-  const number = make("input", { id: "card-known", size: 12, placeholder: "0.94 +- 0.01", on: { keydown: (event) => { if (event.key === "Enter") use(); } } });
-  const file = make("input", { type: "file", on: { change: async () => { try { await state(name, { known: await upload(file.files[0]) }); $("panel").hidePopover(); } catch (error) { say(error.message); } } } });
-  const use = async () => { if (await state(name, { known: number.value.trim() })) { $("panel").hidePopover(); say(`${name} tells how bright the light is`); } };
-  showPanel(anchor, `card ${name}`, [title(`Reflectance of ${name}`), make("p", { text: "One number for all wavelengths, with its standard error if you know it (3 % if not), or the file of its spectrum." }), labelled("Reflectance", number), labelled("… from a file", file),
+  const onEnter = { keydown: (event) => { if (event.key === "Enter") use(); } };
+  const number = make("input", { id: "card-known", size: 8, placeholder: "0.94", on: onEnter }), error = make("input", { id: "card-error", size: 8, placeholder: "0.01", on: onEnter });
+  const file = make("input", { type: "file", on: { change: async () => { try { await state(name, { known: await upload(file.files[0]) }); $("panel").hidePopover(); } catch (problem) { say(problem.message); } } } });
+  const use = async () => {
+    const known = [number.value.trim(), error.value.trim()].filter(Boolean).join(" +- ");
+    if (await state(name, { known })) { $("panel").hidePopover(); say(`${name} tells how bright the light is`); }
+  };
+  showPanel(anchor, `card ${name}`, [title(`Reflectance of ${name}`), make("p", { text: "One number for all wavelengths with its standard error (3 % where you give none), or the file of its spectrum." }), labelled("Reflectance", number), labelled("Standard error", error), labelled("\u2026 or from a file", file),
     make("div", { className: "buttons" }, button("Use it", use))], "White card");
   number.focus();
 }

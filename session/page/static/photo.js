@@ -46,9 +46,15 @@ export class PhotoView {
     return new Promise((done, failed) => {
       this.viewer.addOnceHandler("open", () => { Object.assign(this, { size, step }); this.whole(true); done(); });
       this.viewer.addOnceHandler("open-failed", ({ message }) => failed(new Error(message)));
-      this.viewer.open({ width, height, tileSize: tile, tileOverlap: 0, minLevel: 0, maxLevel: top,
-        getTileUrl: (level, column, row) => addressOf(top - level, column, row) });
+      this.source = (address) => ({ width, height, tileSize: tile, tileOverlap: 0, minLevel: 0, maxLevel: top,
+        getTileUrl: (level, column, row) => address(top - level, column, row) });
+      this.viewer.open(this.source(addressOf));
     });
+  }
+  // The same photo in other colours, where it lies now.
+  recolour(addressOf) {
+    return new Promise((done, failed) => this.viewer.addTiledImage({ tileSource: this.source(addressOf), index: 0, replace: true,
+      success: done, error: ({ message }) => failed(new Error(message)) }));
   }
   fitCanvas() {
     const { clientWidth: width, clientHeight: height } = this.host, dots = devicePixelRatio || 1;

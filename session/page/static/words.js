@@ -7,9 +7,9 @@ export const labOf = ({ lab }) => lab.map(one).join(" ");
 export const labWords = (answer) => `L*a*b* ${labOf(answer)}` + (answer.lab_error ? ` ± ${answer.lab_error.map(one).join(" ")}` : "");
 
 // What is known of a spectrum, by what it is about.
-export function details({ families, causes, light, notes, next_nm: next, given, truth }) {
-  if (given) return [["Spectrum", "as stated"]];
-  return [...(truth ? [["Measured", `${labOf(truth)}, \u0394E00 ${one(truth.delta_e00)}`]] : []), ["Probably", shares(families, 3)], ["Width of the band from", shares(causes, 3)],
+export function details({ causes, light, notes, next_nm: next, given, truth, doubt }) {
+  if (given) return doubt ? [["Spectrum", "as stated"], ["Not used", doubt]] : [["Spectrum", "as stated"]];
+  return [...(truth ? [["Measured", `${labOf(truth)}, \u0394E00 ${one(truth.delta_e00)}`]] : []), ["Width of the band from", shares(causes, 3)],
     ["Light here", `${light[0].toFixed(2)} times that on the chart, ± ${(100 * light[1]).toFixed(1)}\u00a0%`],
     ...(next ? [["A reading helps most at", `${next.toFixed(0)} nm`]] : []), ...notes.map((note) => ["Note", note])];
 }
@@ -42,7 +42,9 @@ export function problemsOf({ problems, live, run }) {
   return [...problems, ...(live?.error ? [live.error] : run.error && !run.running && !run.stopped ? [run.error] : [])];
 }
 
-export const verdictOf = ({ live, reported }) => live?.result ?? (live && !live.result_now ? null : reported) ?? null;
+// The verdict of what is marked now; none while it is being worked out, as it may be another.
+export const settled = ({ live }) => !live || live.result_now;
+export const verdictOf = (now) => settled(now) ? now.live?.result ?? now.reported ?? null : null;
 
 export const STANDINGS = { measured: ["●", "measured"], stated: ["◆", "stated"], assumed: ["○", "assumed"] };
 export const capital = (text) => text[0].toUpperCase() + text.slice(1);
