@@ -4,17 +4,20 @@ photos.
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from spectrabox.measure import rules
 from spectrabox.measure.surfaces.surface_signals import scene_signals
 from spectrabox.radiometry.error_model import LEVEL_BY_PRIOR
+from spectrabox.radiometry.findings import Severity
 from spectrabox.radiometry.records.calibration import LightScale
 from spectrabox.reconstruct.inverse_rendering import reconstruct, reconstruct_views
 from spectrabox.reconstruct.rendering.renderer import load_scene, render
 
-from tests.cornell_problem import GRID, TRUTH, photo_of, plain_settings, scene, view_of
+from tests.cornell_problem import GRID, SCALE_ONE, TRUTH, photo_of, plain_settings, scene, view_of
 from tests.session_runs import silent
 
 pytestmark = pytest.mark.usefixtures("mitsuba")
@@ -71,3 +74,19 @@ def test_one_level_is_common_to_photos_under_unlike_lamps(folder):
     relative = covariance[0] / np.outer(signals.signal[0], signals.signal[0])
     # every band of both photos is off by the same factor
     np.testing.assert_allclose(relative, LEVEL_ERROR**2, rtol=1e-6)
+
+
+@pytest.mark.parametrize("level_error, known, scale_from_chart, expected", [
+    (0.2, False, True, {"scene.level-by-prior": Severity.WARN}),
+    (0.05, False, False, {"scene.level-by-prior": Severity.INFO}),
+    (None, True, False, {"scene.scale-of-known": Severity.NOTE}),
+    (None, False, True, {})])
+def test_a_result_says_what_tells_the_level_of_its_light(level_error, known, scale_from_chart,
+                                                         expected):
+    calibration = SimpleNamespace(light_scale=SCALE_ONE if scale_from_chart else None,
+                                  sensitivity=SimpleNamespace(basis=np.eye(2), residuals=None))
+    result = SimpleNamespace(level_error=level_error, by_flat_field=True, calibration=calibration,
+                             scale_from_chart=scale_from_chart,
+                             surfaces=(SimpleNamespace(known=known),))
+    found = {one.code: one.severity for one in rules.not_corrected(result)}
+    assert found == expected
