@@ -326,8 +326,12 @@ def _camera(result: CaptureResult) -> Finding:
 
 
 def _scene_light(result: SceneResult) -> Finding:
-    causes = (*BETWEEN_PHOTOS, error_model.KNOWN_SURFACES)
+    causes = (*BETWEEN_PHOTOS, error_model.KNOWN_SURFACES, error_model.LEVEL_BY_PRIOR)
     standing, known_by = ASSUMED, "stated-errors"
+    if result.level_error is not None:
+        return condition("condition.scene-light", MEASURED, "expected-surfaces",
+                         error=_common_error(result, causes),
+                         variance_share=allowed_share(result.surfaces, causes))
     if _tied_to_known(result) or not result.scale_from_chart:
         standing, known_by = MEASURED, "known-materials"
     elif result.stated.chart_in_photo:
@@ -340,6 +344,8 @@ def _scene_light(result: SceneResult) -> Finding:
 
 
 def _light_place(result: SceneResult) -> Finding:
+    if result.level_error is not None:       # no chart, whose light would be that of another place
+        return condition("condition.light-place", STATED, "scene")
     tied = _tied_to_known(result) or not result.scale_from_chart
     return condition("condition.light-place", MEASURED if tied else ASSUMED,
                      "known-materials" if tied else "as-stated",

@@ -100,6 +100,7 @@ class ReconstructionRecords(Record):
     geometry: SceneGeometry                     # that was estimated
     # XML of the scenes of a measured box, by the first view of each; none of scenes in files
     box_scenes: dict[str, str]
+    findings: tuple[Finding, ...] = ()          # of what the scenes state
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,7 +220,8 @@ class CaptureRecords:
     def findings(self) -> tuple[Finding, ...]:
         """What the steps up to the signals found, each once, but what is with a chart or a fit."""
         of_signals = self.flat_signals.findings if "signals" in self._kept else ()
-        return each_once((*self.chart.findings, *self.photo.findings, *of_signals))
+        of_scene = self.reconstruct.findings if "reconstruct" in self._kept else ()
+        return each_once((*self.chart.findings, *self.photo.findings, *of_signals, *of_scene))
 
     def calibrations(self, views: tuple[View, ...]) -> list[calibration.Calibration]:
         """The calibration of every view, in their order."""

@@ -59,6 +59,8 @@ LIGHT_DOUBTED = 3.0
 # published sets in a simulated camera's signals (1 %, D65) right truths reach 3.5, 1 in 100 exceeds
 # 2.1; truths of another of these surfaces exceed 4 in more than nine of ten pairs.
 ANOTHER_TRUTH = 4.0
+# Relative, of the level of the light: up to here it adds no more to a colour than bands do already
+LEVEL_KNOWN = 0.1
 SMALLEST_SPREAD = 0.002               # of white: what measured spectra repeat to
 
 
@@ -579,7 +581,11 @@ def not_corrected(found: SceneResult) -> Iterator[Finding]:
     fit = found.calibration.sensitivity
     if not found.by_flat_field:
         yield Finding("scene.no-flat-field", Severity.NOTE)
-    if not found.scale_from_chart or found.calibration.light_scale is None:
+    if found.level_error is not None:
+        yield Finding("scene.level-by-prior", graded(found.level_error, LEVEL_KNOWN), values={
+            "value": found.level_error, "passes": LEVEL_KNOWN})
+    elif any(surface.known for surface in found.surfaces) and (
+            not found.scale_from_chart or found.calibration.light_scale is None):
         yield Finding("scene.scale-of-known", Severity.NOTE)
     if fit.basis is None and fit.residuals is None:
         yield Finding("camera.of-file", Severity.NOTE)

@@ -923,15 +923,43 @@ SCENES: dict[str, Text] = {
     "scene.surface-off": Text(
         "Photo against rendering", "Photo and rendering disagree on {subject} by {value:+.0%} in "
         "band {band}: geometry, light or material of this surface is not as the scene says."),
+    "scene.left-out": Text(
+        "Left out of the scene", "The <{element}> “{subject}” of the scene states "
+        "{parameters:listed}, which is not kept.",
+        "Where it changes the picture, take it out of the photo or of the scene."),
+    "scene.lights": Text("Lights of the scene", lambda values: _lights_sentence(values)),
     "scene.no-flat-field": Text(
         "Vignetting", "No flat-field photo: vignetting is not corrected and counts as "
         "reflectance."),
+    "scene.level-by-prior": Text(
+        "Level of the light, by what is expected of surfaces", "Neither a chart nor a known "
+        "material tells the level of the light; what is expected of surfaces, and the light "
+        "between them, tell it within {value:percent}. Every spectrum may be brighter or darker by "
+        "that much, all of them together.",
+        "Give one material its spectrum, or photograph a grey card or a chart in the scene.",
+        "{value:percent}", "pass up to {passes:percent0}"),
     "scene.scale-of-known": Text(
         "Light scale", "The light scale rests on the spectrum given for a known material."),
 }
 
 KNOWN_REMEDY = ("Check its stated spectrum, its place in the scene, and lamp and exposure of both "
                 "photos.")
+
+
+def _lights_sentence(values: Mapping[str, Any]) -> str:
+    stated = [f"{name} {strength:.3g}" for name, strength
+              in zip(values["names"], values["strengths"], strict=True)
+              if name not in values["given"]]
+    said = []
+    if stated:
+        said.append("relative strengths as the scene states them: " + ", ".join(stated)
+                    + "; one common scale is estimated")
+    if values["coloured"]:
+        said.append(f"{words.listed(values['coloured'])} in the colour that the scene states "
+                    "beside the strongest")
+    if values["given"]:
+        said.append(f"spectrum given of {words.listed(values['given'])}")
+    return f"The scene has {len(values['names'])} lights; " + "; ".join(said) + "."
 
 
 def _quoted(names: list[str]) -> str:
@@ -1197,6 +1225,7 @@ KNOWN_BY: dict[str, Template] = {
     "known-materials": lambda values: f"the spectrum given for {_quoted(values['names'])}"
                        if values["names"] else "a material of known spectrum",
     "chart-in-photo": "the chart in the photo itself",
+    "expected-surfaces": "what is expected of surfaces, and the light between them",
     "stated-errors": "stated errors of lamp and shutter",
     "as-stated": "lamp and chart stand as stated",
     "scene": "the scene's measures",

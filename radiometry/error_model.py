@@ -57,6 +57,7 @@ ROUNDED_EXPOSURES = "rounded exposures"
 LAMP_AT_CHART = "lamp position at chart"
 SCENE_LEVEL = "level of light on the scene"
 KNOWN_SURFACES = "light by known surfaces"
+LEVEL_BY_PRIOR = "level of light by what is expected of surfaces"
 GLARE = "veiling glare"
 STRAY_LIGHT = "stray light"
 SAMPLE_PLANE = "plane of the samples"
@@ -89,6 +90,7 @@ CAUSES = {
     LAMP_AT_CHART: Cause("proportional", bands=True, surfaces=True, photos=False),
     SCENE_LEVEL: Cause("proportional", bands=True, surfaces=True, photos=False),
     KNOWN_SURFACES: Cause("proportional", bands=True, surfaces=True, photos=False),
+    LEVEL_BY_PRIOR: Cause("proportional", bands=True, surfaces=True, photos=True),
     GLARE: Cause("added", bands=True, surfaces=True, photos=False),
     STRAY_LIGHT: Cause("added", bands=True, surfaces=True, photos=False),
     SAMPLE_PLANE: Cause("proportional", bands=True, surfaces=True, photos=False),

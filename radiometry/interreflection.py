@@ -127,7 +127,7 @@ def product_after(exponents: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     exponents : (E, M) int array
-        With every product's lower products among them, as ``exponents_up_to`` and ``prune`` give.
+        With every product's lower products among them, as ``exponents_up_to`` and ``pruned`` give.
     """
     count, materials = exponents.shape
     index = {tuple(row): number for number, row in enumerate(exponents.tolist())}
@@ -144,7 +144,7 @@ def lower_products(exponents: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     exponents : (E, M) int array
-        As ``exponents_up_to`` and ``prune`` give.
+        As ``exponents_up_to`` and ``pruned`` give.
     """
     following = product_after(exponents)
     count, materials = exponents.shape
@@ -231,40 +231,80 @@ def signal(coefficients: np.ndarray, exponents: np.ndarray, reflectances: np.nda
                      optimize=True)
 
 
-def prune(exponents: np.ndarray, coefficients: np.ndarray, brightest: float,
-          share: float) -> tuple[np.ndarray, float]:
-    """Rows (E,) bool of the products to keep, and a bound on what leaving out the others
-    drops.
+def encountered(met: np.ndarray, contributions: np.ndarray,
+                materials: int) -> tuple[np.ndarray, np.ndarray]:
+    """Products that paths encountered, and the sum of what they contributed after each.
 
-    A product can give at most coefficient x ``brightest``^degree of what a light seen through unit
+    Parameters
+    ----------
+    met : (T, D) int
+        Materials that each of T paths met, one after the other; M where it had ended.
+    contributions : (T, D + 1) array
+        After none to D reflections.
+    materials : int
+        M.
+
+    Returns
+    -------
+    exponents : (E, M) uint8
+        Fewest reflections first; no reflection is the first.
+    contributions : (E,) array
+    """
+    paths, bounces = met.shape
+    # A product is a sum of random numbers of its materials: equal whatever their order; that two
+    # of a million products have one sum of 64 bits has a probability of 1e-7.
+    keys = np.random.default_rng(1).integers(0, 1 << 64, materials + 1, dtype=np.uint64)
+    key = np.zeros((paths, bounces + 1), dtype=np.uint64)
+    key[:, 1:] = np.cumsum(keys[met], axis=1, dtype=np.uint64)
+    alive = np.ones((paths, bounces + 1), dtype=bool)
+    alive[:, 1:] = np.cumsum(met == materials, axis=1) == 0
+    path, reflections = np.nonzero(alive)
+    _, first, which = np.unique(key[alive], return_index=True, return_inverse=True)
+    sums = np.bincount(which.ravel(), contributions[alive])
+    exponents = np.zeros((first.size, materials), dtype=np.uint8)
+    for step in range(bounces):
+        some = np.flatnonzero(reflections[first] > step)
+        exponents[some, met[path[first[some]], step]] += 1
+    order = np.lexsort((*exponents.T[::-1], exponents.sum(axis=1)))
+    return exponents[order], sums[order]
+
+
+def pruned(exponents: np.ndarray, contributions: np.ndarray, brightest: float,
+           share: float) -> np.ndarray:
+    """Exponents (E', M) of the products to keep of those that were encountered.
+
+    A product can give at most contribution x ``brightest``^degree of what a light seen through unit
     reflectances would give. Products are dropped from the least upwards while the sum of these
-    bounds, over all regions, stays below ``share`` of the bound of the whole; a product that a kept
-    one was reached through is kept as well.
+    bounds stays below ``share`` of the bound of the whole; every product with fewer reflections of
+    one that is kept is kept as well, whether it was encountered or not.
 
     Parameters
     ----------
     exponents : (E, M) int
-    coefficients : (R, E)
+    contributions : (E,) array
     brightest : float
         No material reflects more than this at any wavelength.
     share : float
-
-    Returns
-    -------
-    kept : (E,) bool
-    dropped : float
-        Share of the bound that the dropped products have, at most ``share``.
     """
-    bound = coefficients.sum(axis=0) * brightest ** exponents.sum(axis=1)
+    bound = contributions * brightest ** exponents.sum(axis=1)
     order = np.argsort(bound, kind="stable")
-    kept = np.ones(len(exponents), dtype=bool)
-    kept[order[np.cumsum(bound[order]) <= share * bound.sum()]] = False
-    kept[0] = True
-    lower = lower_products(exponents)
-    for number in range(len(exponents) - 1, 0, -1):
-        if kept[number]:
-            kept[lower[number][lower[number] < len(exponents)]] = True
-    return kept, float(bound[~kept].sum() / bound.sum())
+    kept = exponents[order[np.cumsum(bound[order]) > share * bound.sum()]].astype(np.uint8)
+    levels: list[np.ndarray] = []
+    for degree in range(int(kept.sum(axis=1).max(initial=0)), 0, -1):
+        level = kept[kept.sum(axis=1) == degree]
+        if levels:
+            level = np.vstack([level, _one_fewer(levels[-1])])
+        levels.append(np.unique(level, axis=0)[::-1])
+    none = np.zeros((1, exponents.shape[1]), dtype=np.uint8)
+    return np.vstack([none, *levels[::-1]]).astype(np.int64)
+
+
+def _one_fewer(exponents: np.ndarray) -> np.ndarray:
+    """Products with one reflection fewer off any of their materials."""
+    row, material = np.nonzero(exponents)
+    lower = exponents[row]
+    lower[np.arange(row.size), material] -= 1
+    return lower
 
 
 @functools.lru_cache(maxsize=8)

@@ -11,16 +11,20 @@ whose second half is averaged.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
+import time
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.interreflection import relative_operator
 from spectrabox.radiometry.records.spectra import Outcome, Progress
 from spectrabox.reconstruct.agreement import scale_from_surfaces
 from spectrabox.reconstruct.rendering.renderer import render
+from spectrabox.reconstruct.scene import scene_file
+from spectrabox.reconstruct.scene.scene_file import SceneFile
 from spectrabox.reconstruct.scene.scene_xml import BLACK
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.view import PhotoView, ViewSolution
@@ -73,7 +77,28 @@ def invert_by_gradient(view: PhotoView, settings: InversionSettings,
     return ViewSolution(fit.coefficients, fit.coefficients @ operator.T, covariance,
                         rendered[None], fit.loss_history,
                         "gradient descent (Mitsuba prb, specfilm)", settings.spp, fit.outcome,
-                        findings)
+                        findings, (fit.scale, None))
+
+
+def seconds_of_descent(view: PhotoView, settings: InversionSettings) -> float:
+    """Seconds of processor that ``invert_by_gradient`` takes if it goes to its last step.
+
+    By a first step, which compiles the renderings, and the time of a second for all others.
+
+    Parameters
+    ----------
+    view : PhotoView
+    settings : InversionSettings
+    """
+    def silent(done: float, what: str) -> None:
+        """Nobody waits for this."""
+    marks = [time.process_time()]
+    for _ in range(2):
+        fit_by_gradient(view, replace(settings, steps=1), silent)
+        marks.append(time.process_time())
+    compiled, step = np.diff(marks)
+    # of the last rendering without its derivative, which takes about twice its own time
+    return float(compiled + step * (settings.steps + FINAL_SPP / settings.spp / 3))
 
 
 def fit_by_gradient(view: PhotoView, settings: InversionSettings,
@@ -95,7 +120,8 @@ def fit_by_gradient(view: PhotoView, settings: InversionSettings,
     weight = view.used[..., None] / view.variance  # 0 where a pixel does not count
     steps, spp = settings.steps, settings.spp
     parameters = mi.traverse(scene)
-    keys = [reflectance_key(parameters, material.bsdf) for material in view.unknown]
+    keys = [reflectance_key(parameters, material.bsdf, view.scene_file)
+            for material in view.unknown]
     parameters.keep(keys)
     basis = view.basis(settings.coefficients)
     points, count = basis.shape
@@ -112,6 +138,7 @@ def fit_by_gradient(view: PhotoView, settings: InversionSettings,
     scale_unknown = view.light_scale is None
     current = 1.0 if view.light_scale is None else view.light_scale.value
     tail, last, done = max(int(TAIL * steps), 1), steps, False
+    begun = time.monotonic()
     for step in range(steps):
         if not done and step < last - tail and stalled(losses):
             tail, done = max(int(step * TAIL / (1 - TAIL)), 1), True
@@ -138,7 +165,9 @@ def fit_by_gradient(view: PhotoView, settings: InversionSettings,
         if step >= min(last - tail / 2, last - 2):  # two at least: their scatter is the error
             coefficients.append(np.array([np.array(optimizer[key]) for key in keys],
                                          dtype=np.float64))
-        progress((step + 1) / last, f"step {step + 1} of {'' if done else 'at most '}{last}")
+        left = (time.monotonic() - begun) / (step + 1) * (last - step - 1)
+        progress((step + 1) / last, f"step {step + 1} of {'' if done else 'at most '}{last}, about "
+                 f"{left:.0f} s left")
         if step + 1 == last:
             break
     end = np.array(coefficients)
@@ -146,26 +175,33 @@ def fit_by_gradient(view: PhotoView, settings: InversionSettings,
                        np.array(losses), Outcome.CONVERGED if done else Outcome.STEP_LIMIT)
 
 
-def reflectance_key(parameters: Any, bsdf: str) -> str:
-    """Name of the one reflectance spectrum of a BSDF among a scene's parameters.
+def reflectance_key(parameters: Any, bsdf: str, scene: SceneFile) -> str:
+    """Name, among a scene's parameters, of the spectrum of a BSDF that is estimated.
+
+    Mitsuba names a BSDF by its id, or by the shape that has it, where the id begins with the name
+    of that shape.
 
     Parameters
     ----------
     parameters : mi.SceneParameters
     bsdf : str
         Its id.
+    scene : SceneFile
 
     Raises
     ------
-    ValueError
+    InputError
         If there is none, or more than one.
     """
+    owners = (bsdf, *(f"{shape}.bsdf" for shape, own in scene.surfaces.items() if own == bsdf))
+    spectrum = scene_file.estimated_spectrum(scene, bsdf)
     matches = [key for key in parameters.keys()  # noqa: SIM118 - not a dict
-               if key.startswith(f"{bsdf}.")
-               and key.endswith(("reflectance.values", "base_color.values"))]
+               if key.startswith(tuple(f"{owner}." for owner in owners))
+               and key.endswith(f".{spectrum}.values")]
     if len(matches) != 1:
-        raise ValueError(f"the scene has {len(matches)} reflectances under the BSDF {bsdf!r}; one "
-                         "is needed")
+        raise InputError(f"{scene.path.name}: the BSDF {bsdf!r} has {len(matches)} spectra "
+                         f"{spectrum!r} that could be estimated, and one is needed; write it at "
+                         "the top of the scene, with an id of its own")
     return matches[0]
 
 

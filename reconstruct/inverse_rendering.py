@@ -2,11 +2,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from spectrabox.radiometry import error_model
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.interreflection import white_signal
@@ -20,11 +21,11 @@ from spectrabox.reconstruct.agreement import (
     surface_agreement,
 )
 from spectrabox.reconstruct.fit.transport_fit import TransportFit, band_signals
-from spectrabox.reconstruct.gradient_engine import invert_by_gradient
+from spectrabox.reconstruct.gradient_engine import invert_by_gradient, seconds_of_descent
 from spectrabox.reconstruct.misfit import surface_misfits, surface_tests
-from spectrabox.reconstruct.scene.scene_file import not_plain_products
+from spectrabox.reconstruct.scene.scene_file import needs_descent
 from spectrabox.reconstruct.settings import ENGINES, InversionSettings
-from spectrabox.reconstruct.transport_engine import require_traceable, solve_views
+from spectrabox.reconstruct.transport_engine import require_lit, require_traceable, solve_views
 from spectrabox.reconstruct.view import (
     PhotoView,
     ViewSolution,
@@ -83,7 +84,7 @@ def settings_for(views: Sequence[PhotoView],
     chosen: tuple[Finding, ...] = ()
     if settings.engine == "auto":
         glossy = dict.fromkeys(name for view in views
-                               for name in not_plain_products(view.scene_file))
+                               for name in needs_descent(view.scene_file))
         if glossy:
             chosen = (Finding("fit.gradient-engine", Severity.INFO,
                               values={"names": list(glossy)}),)
@@ -96,6 +97,35 @@ def settings_for(views: Sequence[PhotoView],
             require_traceable(view, settings)
     check_views(views)
     return settings, chosen
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What an inversion will take, by what a first, short piece of it took."""
+
+    engine: str                     # that the materials need
+    seconds: float                  # of processor on this machine; of a descent at most
+    tracing_bytes: int | None       # besides the program; None where no light is traced
+
+
+def forecast(views: Sequence[PhotoView], settings: InversionSettings) -> Forecast:
+    """What ``reconstruct_views`` will take; all that it uses is built, and one step of it is done.
+
+    Parameters
+    ----------
+    views : V of PhotoView
+    settings : InversionSettings
+
+    Raises
+    ------
+    InputError
+        As ``reconstruct_views``.
+    """
+    settings, _ = settings_for(views, settings)
+    if settings.engine in SINGLE_VIEW:
+        return Forecast(settings.engine, seconds_of_descent(views[0], settings), None)
+    tracing_bytes, seconds = require_lit(views, settings)
+    return Forecast(settings.engine, seconds, tracing_bytes)
 
 
 def reconstruct_views(views: Sequence[PhotoView], settings: InversionSettings, progress: Progress,
@@ -220,13 +250,19 @@ def _record(view: PhotoView, solution: ViewSolution,
             settings: InversionSettings) -> scenes.Reconstruction:
     """The solution with all that a later stage or a reader needs."""
     # the given scale; or that of the known materials; or that of the fit
-    if (scale := view.light_scale) is None:
+    if (scale := view.light_scale) is not None and view.level_error > 0:
+        scale = error_model.with_common_error(
+            LightScale(solution.scale[0], 0.0, None, scale.source), error_model.LEVEL_BY_PRIOR,
+            view.level_error)
+    elif scale is None:
         known_surface = view.known_surface
         if (known_surface >= 0).any():
             scale = scale_from_surfaces(view.measured, solution.renderings.mean(axis=0),
                                         known_surface, f"known material {', '.join(view.known)}")
         else:
-            scale = LightScale(*solution.scale, None, "materials in common with the other photos")
+            scale = error_model.with_common_error(
+                LightScale(*solution.scale, None, "materials in common with the other photos"),
+                error_model.LEVEL_BY_PRIOR, view.level_error)
     renderings = solution.renderings * scale.value
     rendered = renderings.mean(axis=0)
     names = tuple(view.scene_file.surfaces)

@@ -1,6 +1,7 @@
 """The transport engine: trace the scene's light once, then fit the spectra by algebra."""
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +16,7 @@ from spectrabox.reconstruct.fit import transport_fit
 from spectrabox.reconstruct.fit.view_terms import Nuisances, ViewFit
 from spectrabox.reconstruct.known_light import tie_to_known
 from spectrabox.reconstruct.rendering.renderer import load_scene
-from spectrabox.reconstruct.scene.scene_file import not_plain_products
+from spectrabox.reconstruct.scene.scene_file import needs_descent
 from spectrabox.reconstruct.scene.surfaces import block_regions, region_means
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.tracer.transport import (
@@ -36,8 +37,11 @@ from spectrabox.reconstruct.view import (
 
 FIRST_SPP = 64           # paths per pixel by which the noise is judged
 FEW_SPP = 2              # and by which most materials are seen to receive light
+MORE_SPP = 16               # by which the time of a path is told from that of a trace
 MAX_SPP = 1024           # per pixel: where tracing ends, whatever the photo's noise
 IMAGE_SPP, IMAGES = 128, 2  # paths per pixel of the final renderings together, and their number
+STEPS_FORESEEN = 30         # expansions of the cost in the two or three fits of a view, as a rule
+UNSEEN_LOSS = 1e-3          # share of the light in dropped products that is no error by itself
 VIEW_SEED_STEP = 613     # between the seeds of two views' traces
 
 
@@ -92,8 +96,11 @@ def trace_views(views: Sequence[PhotoView], settings: InversionSettings, progres
         part(0.0, "tracing light")
         transport = trace_view(view, _unit_scene_for(view, settings), region, group,
                                settings.seed + VIEW_SEED_STEP * number, part, file)
-        traced.append(
-            transport_fit.TracedView(view, transport, region, group, nuisances(view, settings)))
+        given = nuisances(view, settings)
+        if transport.dropped > UNSEEN_LOSS:
+            given = replace(given, brightness_error=float(np.hypot(given.brightness_error,
+                                                                   transport.dropped)))
+        traced.append(transport_fit.TracedView(view, transport, region, group, given))
     return traced
 
 
@@ -129,11 +136,7 @@ def trace_view(view: PhotoView, unit: UnitScene, region: np.ndarray, group: np.n
     first = trace_transport(unit, region, spp=FIRST_SPP, seed=seed)
     if unlit := unlit_material(view, first, group):
         raise InputError(unlit)
-    photo = region_means(view.variance / np.maximum(view.measured, 1e-12) ** 2,
-                         region).mean(axis=1)
-    photo = photo / np.bincount(region[region >= 0])
-    needed = first.spp * float(np.median(first.relative_variance / photo))
-    more = int(min(needed, MAX_SPP)) - first.spp
+    more = _needed_spp(view, first, region) - first.spp
     progress(0.2, "tracing light")
     if more <= 0:
         return first
@@ -141,6 +144,16 @@ def trace_view(view: PhotoView, unit: UnitScene, region: np.ndarray, group: np.n
                              progress=lambda done: progress(0.2 + 0.5 * done, "tracing light"),
                              checkpoint=checkpoint)
     return joined(first, second)
+
+
+def _needed_spp(view: PhotoView, first: TracedTransport, region: np.ndarray) -> int:
+    """Paths per pixel at which the noise is that of the photo, by a first trace; at most
+    ``MAX_SPP``.
+    """
+    photo = region_means(view.variance / np.maximum(view.measured, 1e-12) ** 2,
+                         region).mean(axis=1)
+    photo = photo / np.bincount(region[region >= 0])
+    return int(min(first.spp * float(np.median(first.relative_variance / photo)), MAX_SPP))
 
 
 def solve_by_lamps(
@@ -236,10 +249,6 @@ def require_traceable(view: PhotoView, settings: InversionSettings) -> None:
         id where each is to be distinguished from the others.
     """
     _require_plain_products(view)
-    if _separates_lights(view, settings) and any(
-            not node.get("id") for node in view.scene_file.root.findall("emitter")):
-        raise InputError(f"{view.scene_file.path.name} has a light without an id, and its "
-                         "lights are to be distinguished: write <emitter id=...> on each")
 
 
 def unit_scene(view: PhotoView, bounces: int, separate_lights: bool = False) -> UnitScene:
@@ -260,7 +269,7 @@ def unit_scene(view: PhotoView, bounces: int, separate_lights: bool = False) -> 
     """
     _require_plain_products(view)
     ones = np.ones(2)
-    scene = load_scene(view.xml(dict.fromkeys(view.name_of_bsdf, ones), light=ones,
+    scene = load_scene(view.xml(dict.fromkeys(view.name_of_bsdf, ones), light=view.unit_lights,
                                 bands={"one": ones}))
     return UnitScene(scene, view.name_of_bsdf, view.size, bounces,
                      view.light_groups if separate_lights else None, view.scene_file.profiles)
@@ -278,13 +287,15 @@ def nuisances(view: PhotoView, settings: InversionSettings) -> Nuisances:
         Of which the errors count.
     """
     scale = None if _shows_known(view) else view.light_scale
-    return Nuisances(None if scale is None else scale.value, settings.surface_error,
+    return Nuisances(None if scale is None else scale.value,
+                     0.0 if scale is None else view.level_error, settings.surface_error,
                      settings.brightness_error,
                      settings.light_error if len(view.light_groups) > 1 else 0.0,
                      settings.mixing_error, settings.block_error)
 
 
-def require_lit(views: Sequence[PhotoView], settings: InversionSettings) -> int:
+def require_lit(views: Sequence[PhotoView],
+                settings: InversionSettings) -> tuple[int, float]:
     """Refuse views that show a material which no light reaches, by the first, short trace of each.
 
     A material that one of a few paths connects to a light is illuminated; only for others all are
@@ -299,17 +310,29 @@ def require_lit(views: Sequence[PhotoView], settings: InversionSettings) -> int:
     -------
     int
         Bytes that tracing, fit and rendering of all views will take, besides the program.
+    float
+        Seconds of processor that they will take, by those of short traces.
 
     Raises
     ------
     InputError
         Naming the material; or as ``trace_transport``.
     """
-    kept = image = 0
+    kept, image, seconds = 0, 0, 0.0
     for number, view in enumerate(views):
         region, group = block_regions(view.surface, view.used)
         unit, seed = _unit_scene_for(view, settings), settings.seed + VIEW_SEED_STEP * number
+        begun = time.process_time()
         few = trace_transport(unit, region, spp=FEW_SPP, seed=seed)
+        compiled = time.process_time()
+        trace_transport(unit, region, spp=FEW_SPP, seed=seed + 1, exponents=few.exponents)
+        started = time.process_time()
+        more = trace_transport(unit, region, spp=MORE_SPP, seed=seed + 2, exponents=few.exponents)
+        # what a trace takes besides its paths is taken off
+        each = max(time.process_time() - 2 * started + compiled, 0.0) / (MORE_SPP - FEW_SPP)
+        paths = max(_needed_spp(view, more, region), FIRST_SPP) + IMAGE_SPP
+        seconds += compiled - begun + each * paths
+        seconds += _seconds_of_fit(view, few, region, group, settings)
         if unlit_material(view, few, group):
             first = trace_transport(unit, region, spp=FIRST_SPP, seed=seed)
             if unlit := unlit_material(view, first, group):
@@ -317,7 +340,18 @@ def require_lit(views: Sequence[PhotoView], settings: InversionSettings) -> int:
         passes, regions, groups, products = few.passes.shape
         kept += memory_of(regions, groups * products, passes)
         image = max(image, memory_of_image(region.size, groups * products))
-    return kept + image
+    return kept + image, seconds
+
+
+def _seconds_of_fit(view: PhotoView, traced: TracedTransport, region: np.ndarray,
+                    group: np.ndarray, settings: InversionSettings) -> float:
+    """Seconds of processor of the fits of one view, by one expansion of its cost."""
+    terms = transport_fit.TracedView(view, traced, region, group, nuisances(view, settings))
+    begun = time.process_time()
+    system = terms.terms(settings.coefficients)
+    compressed = time.process_time()
+    system.expand(np.full(system.size, 0.1))
+    return 2 * (compressed - begun) + STEPS_FORESEEN * (time.process_time() - compressed)
 
 
 def unlit_material(view: PhotoView, traced: TracedTransport, group: np.ndarray) -> str | None:
@@ -409,6 +443,10 @@ def _solutions(traced: Sequence[transport_fit.TracedView], fit: transport_fit.Tr
     ill_posed = fit.outcome is Outcome.CONVERGED and any(item.by_prior for item in directions)
     name = ("single bounce (direct light only)" if settings.engine == "single-bounce"
             else "light transport traced once")
+    # what scales that were estimated have in common, the level of the first, is stated with it
+    level = next((part.scale_error / part.scale
+                  for view, part in zip(traced, fit.views, strict=True)
+                  if part.scale_error is not None and view.nuisances.scale is not None), 0.0)
     solutions = []
     for view, image, operator, part in zip(traced, images, operators, fit.views, strict=True):
         own = [bsdfs.index(material.bsdf) for material in view.view.unknown]
@@ -419,7 +457,9 @@ def _solutions(traced: Sequence[transport_fit.TracedView], fit: transport_fit.Tr
             f"{name} ({_bounces(view.view, settings)} bounces, {len(view.traced.exponents)} "
             "products)", view.traced.spp, Outcome.ILL_POSED if ill_posed else fit.outcome,
             transport_fit.determined(directions) + part.findings(view.view.bands, lights),
-            (part.scale, part.scale_error), view.regions(part), view.known_light))
+            (part.scale, None if part.scale_error is None else float(np.sqrt(max(
+                part.scale_error**2 - (level * part.scale) ** 2, 0.0)))),
+            view.regions(part), view.known_light))
     return tuple(solutions)
 
 
@@ -437,8 +477,8 @@ def _separates_lights(view: PhotoView, settings: InversionSettings) -> bool:
 
 
 def _require_plain_products(view: PhotoView) -> None:
-    if others := not_plain_products(view.scene_file):
-        raise InputError("the transport engine treats diffuse surfaces only, and "
+    if others := needs_descent(view.scene_file):
+        raise InputError("the transport engine treats diffuse surfaces and plain metals only, and "
                          f"{', '.join(others)} of {view.scene_file.path.name} is coated or "
                          "glossy: its spectrum does not just multiply; set [reconstruct] engine = "
                          "\"gradient\"")

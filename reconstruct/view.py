@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.findings import Finding
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import basis_matrix
 from spectrabox.radiometry.interreflection import response_matrix, white_signal
 from spectrabox.radiometry.records import scenes
@@ -22,6 +22,7 @@ from spectrabox.radiometry.records.spectra import Outcome, Spectrum, WavelengthG
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.reconstruct.agreement import usable_pixels
 from spectrabox.reconstruct.rendering.renderer import load_scene
+from spectrabox.reconstruct.scene import stated
 from spectrabox.reconstruct.scene.scene_file import SceneFile
 from spectrabox.reconstruct.scene.scene_xml import scene_xml
 from spectrabox.reconstruct.scene.surfaces import surface_map
@@ -69,6 +70,9 @@ class PhotoView:
         Of lights of the scene whose spectrum is not the calibration's.
     lamp : str
         By which views are told to be under one lamp, whatever its filter; the scene says its place.
+    level_error : float
+        Standard deviation of the logarithm of the light scale where that is no more than what is
+        expected beforehand: it is estimated with the spectra.
     """
 
     name: str
@@ -80,6 +84,7 @@ class PhotoView:
     light_scale: LightScale | None = None
     light_spectra: Mapping[str, Spectrum] = field(default_factory=dict)
     lamp: str = ""
+    level_error: float = 0.0
 
     # ---- the photo -------------------------------------------------------------------------------
 
@@ -198,15 +203,44 @@ class PhotoView:
         return spectrum_on_grid(self.calibration.light, self.grid)
 
     @cached_property
+    def relative_lights(self) -> dict[str, np.ndarray]:
+        """What the scene states of each light, relative to the strongest: (P,) by id."""
+        return stated.relative_lights(self.scene_file, self.grid.nm)
+
+    @cached_property
     def own_lights(self) -> dict[str, np.ndarray]:
-        """Spectrum (P,) of each light that has another one, by id."""
-        return {name: spectrum_on_grid(spectrum, self.grid)
-                for name, spectrum in self.light_spectra.items()}
+        """Spectrum (P,) of each light that has another one, by id: as it was given, or in the
+        colour in which the scene states it beside the strongest.
+        """
+        coloured = {name: self.light * relative for name, relative in self.relative_lights.items()
+                    if stated.strength(relative) is None}
+        return coloured | {name: spectrum_on_grid(spectrum, self.grid)
+                           for name, spectrum in self.light_spectra.items()}
+
+    @property
+    def unit_lights(self) -> dict[str, np.ndarray]:
+        """Flat spectra (2,) of the lights in a scene of unit spectra: their relative strengths, and
+        1 of those in ``own_lights``, whose spectra have them.
+        """
+        return {name: np.full(2, 1.0 if name in self.own_lights else relative.mean())
+                for name, relative in self.relative_lights.items()}
 
     @property
     def light_groups(self) -> tuple[tuple[str, ...], ...]:
         """Ids of the scene's lights, each a group of its own."""
         return tuple((name,) for name in dict.fromkeys(self.scene_file.light_ids))
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What of its scene is not kept, and how its lights were taken."""
+        left_out = self.scene_file.left_out
+        if len(self.relative_lights) < 2:
+            return left_out
+        return (*left_out, Finding("scene.lights", Severity.INFO, values={
+            "names": [*self.relative_lights],
+            "strengths": [float(relative.mean()) for relative in self.relative_lights.values()],
+            "coloured": [name for name in self.own_lights if name not in self.light_spectra],
+            "given": [*self.light_spectra]}))
 
     @property
     def response(self) -> np.ndarray:
@@ -245,8 +279,10 @@ class PhotoView:
         InputError
             As ``scene_xml``.
         """
-        if light is None and self.own_lights:
-            light = {name: self.own_lights.get(name, self.light) for name, in self.light_groups}
+        if light is None and (len(self.light_groups) > 1 or self.own_lights):
+            unit = self.unit_lights
+            light = {name: self.own_lights.get(name, self.light * unit[name][0])
+                     for name, in self.light_groups}
         if bands is None:
             bands = dict(zip(self.bands, self.sensitivities, strict=True))
         return scene_xml(self.scene_file, reflectances=spectra,

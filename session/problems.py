@@ -20,10 +20,12 @@ from spectrabox.measure.steps.inversion import require_invertible, require_mater
 from spectrabox.measure.steps.photos import stated_corners
 from spectrabox.radiometry import errors
 from spectrabox.radiometry.chart import typical_camera_signals
+from spectrabox.radiometry.findings import Finding, each_once
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.spectra.cameras import known_camera
 from spectrabox.radiometry.system.archives import free_memory
+from spectrabox.reconstruct.inverse_rendering import Forecast
 from spectrabox.reconstruct.scene.scene_file import SceneFile, require_same_shape
 from spectrabox.session import kept_stages, pipeline
 from spectrabox.session.config.session_file import SessionConfig, try_read_session
@@ -47,19 +49,32 @@ class CheckResult:
     """What a run of a session would meet."""
 
     problems: list[Problem]     # each sentence once, in the order of the inputs
-    # that tracing will take besides the program; None where nothing is left to trace, or unknown
-    tracing_bytes: int | None
+    # what the inversion of a scene will take; None where nothing is left to invert, or unknown
+    forecast: Forecast | None
+    # of what the scenes state: what is not kept, and how their lights are taken
+    findings: tuple[Finding, ...] = ()
     # by whose curves the first photo's camera is known, where the session takes them from a chart
     known_camera: str | None = None
 
     @property
+    def tracing_bytes(self) -> int | None:
+        """That tracing will take besides the program; None where nothing is traced, or unknown."""
+        return None if self.forecast is None else self.forecast.tracing_bytes
+
+    @property
     def sentence(self) -> str:
-        """What tracing will take of the memory that is free; empty where that is not known."""
-        if self.tracing_bytes is None:
+        """How long the inversion will take, and what tracing of the memory that is free; empty
+        where that is not known.
+        """
+        if self.forecast is None:
             return ""
+        seconds = f"{self.forecast.seconds:.0f} s of processor"
+        if self.tracing_bytes is None:
+            return f"the descent through the renderer will take at most about {seconds}"
         free = free_memory()
         of_all = "" if free is None else f" of the {free / 2**30:.1f} GiB that are free"
-        return f"tracing light will take about {self.tracing_bytes / 2**20:.0f} MiB{of_all}"
+        return (f"tracing light will take about {self.tracing_bytes / 2**20:.0f} MiB{of_all}, and "
+                f"with the fit about {seconds}")
 
 
 def check_session(folder: Path, allow_outside: bool = False, device: str = DEVICE,
@@ -97,10 +112,15 @@ def check_session(folder: Path, allow_outside: bool = False, device: str = DEVIC
     for fault in faults:
         attempt(_refuse, fault)
     _attempt_together(capture, attempt)
-    tracing_bytes = None if problems else attempt(_run_up_to_tracing, config, device, shared)
+    scenes = [*_scenes(capture, attempt).values(), capture.chart_scene]
+    findings = [one for scene in scenes if scene is not None for one in scene.left_out]
+    forecast = None
+    if not problems and (foreseen := attempt(_run_up_to_tracing, config, device, shared)):
+        forecast, of_lights = foreseen
+        findings += of_lights
     if problems:        # a stage stops at its first fault: say those of the other photos too
         _attempt_photos(capture, attempt)
-    return CheckResult(problems, tracing_bytes, _known_camera(config))
+    return CheckResult(problems, forecast, each_once(findings), _known_camera(config))
 
 
 def _known_camera(config: SessionConfig) -> str | None:
@@ -180,9 +200,10 @@ def readable(read: Callable[..., Any], *arguments: Any) -> Any:
         return None
 
 
-def _run_up_to_tracing(config: SessionConfig, device: str, shared: Path | None) -> int | None:
+def _run_up_to_tracing(config: SessionConfig, device: str, shared: Path | None
+                       ) -> tuple[Forecast, tuple[Finding, ...]] | None:
     """Run the short stages as a run does, which then keeps them, and what the long ones ask before
-    they begin; bytes that tracing will take, where something is left to trace.
+    they begin; what the inversion will take, where something is left to invert, and findings.
     """
     long = next(name for name in kept_stages.stage_names(config) if name in LONG_STAGES)
     if load_stage(config.results_folder, long) is not None and any(

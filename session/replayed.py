@@ -1,9 +1,12 @@
 """A finished session replayed with known truths, and rendered under another light."""
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from spectrabox.measure.captured import SceneCapture, require_scene
+from spectrabox.measure.pictures import texture_files
 from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.results.calibration_facts import checks
 from spectrabox.measure.scene import box_camera, rehearsal
@@ -103,9 +106,9 @@ OBSERVER = "CIE 1931 2 Degree Standard Observer"
 
 
 def relight(run: kept_stages.FinishedRun, *, light: str | None, observer: str,
-            size: tuple[int, int], spp: int, device: str
+            size: tuple[int, int], spp: int, device: str, pictures: Path
             ) -> tuple[np.ndarray, np.ndarray, tuple[ColourSpread, ...], tuple[str, ...]]:
-    """Render the scene with the means of the draws.
+    """Render the scene with the means of the draws, and with the textures of a picture of spectra.
 
     Parameters
     ----------
@@ -119,6 +122,8 @@ def relight(run: kept_stages.FinishedRun, *, light: str | None, observer: str,
     spp : int
         Paths per pixel.
     device : {"auto", "cpu", "cuda"}
+    pictures : Path
+        Folder of the picture of spectra.
 
     Returns
     -------
@@ -145,7 +150,9 @@ def relight(run: kept_stages.FinishedRun, *, light: str | None, observer: str,
     start_mitsuba(device)
     scene = box_camera.scene_of(capture.views[0].scene)
     relit = relight_scene(scene, capture.bsdfs, spectra, grid, power, matching,
-                          size=size, spp=spp, seed=capture.seed)
+                          size=size, spp=spp, seed=capture.seed,
+                          textures={} if records.picture is None else texture_files.textures_of(
+                              records.picture.files, scene.surfaces, pictures))
     posterior = calibration.light_posterior
     if light is not None or posterior is None:
         return *relit, ()

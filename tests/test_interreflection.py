@@ -10,12 +10,13 @@ import pytest
 
 from spectrabox.radiometry.interreflection import (
     band_products_jacobian,
+    encountered,
     exponents_up_to,
     lower_products,
     product_after,
     product_count,
     products,
-    prune,
+    pruned,
     signal,
 )
 
@@ -125,19 +126,26 @@ def test_lights_add():
 def test_pruning_never_loses_more_than_it_says(share):
     rng = np.random.default_rng(5)
     exponents = exponents_up_to(3, 6)
-    transport = rng.uniform(size=(20, len(exponents))) * 0.4 ** exponents.sum(axis=1)
-    kept, dropped = prune(exponents, transport, brightest=0.9, share=share)
-    assert dropped <= share and kept[0]
-    whole = signal(transport, exponents, np.full((3, 1), 0.9), np.ones((1, 1))).sum()
-    part = signal(transport[:, kept], exponents[kept], np.full((3, 1), 0.9), np.ones((1, 1))).sum()
-    # The bound is met exactly at the reflectance that it is stated for, up to round-off of the two
-    # sums.
-    assert 1 - part / whole == pytest.approx(dropped, abs=1e-12)
-    darker = (np.array([[0.9], [0.5], [0.1]]), np.ones((1, 1)))
-    lost = signal(transport, exponents, *darker).sum() - signal(transport[:, kept], exponents[kept],
-                                                                *darker).sum()
-    # Darker materials lose less light; round-off of two sums of 1680 terms.
-    assert lost <= dropped * whole + 1e-12 * whole
-    for number in np.flatnonzero(kept):  # every kept product can be reached through kept ones
-        lower = lower_products(exponents)[number]
-        assert kept[lower[lower < len(exponents)]].all()
+    transport = rng.uniform(size=len(exponents)) * 0.4 ** exponents.sum(axis=1)
+    kept = pruned(exponents, transport, brightest=0.9, share=share)
+    names = {tuple(row) for row in kept.tolist()}
+    among = np.array([tuple(row) in names for row in exponents.tolist()])
+    for spectrum in (np.full((3, 1), 0.9), np.array([[0.9], [0.5], [0.1]])):
+        values = transport * products(exponents, spectrum)[:, 0]
+        # the bound is met at most at the reflectance that it is stated for; round-off of a sum
+        whole = (transport * 0.9 ** exponents.sum(axis=1)).sum()
+        assert values[~among].sum() <= share * whole * (1 + 1e-12)
+    lower = lower_products(kept)
+    # every kept product is reached through kept ones
+    assert ((lower < len(kept)) == (kept > 0)).all()
+    assert np.all(np.diff(kept.sum(axis=1)) >= 0)
+
+
+def test_products_are_made_as_paths_meet_them_in_any_order():
+    met = np.array([[0, 1, 2], [1, 0, 3], [2, 2, 3], [3, 3, 3]])    # 3: the path has ended
+    contributions = np.array([[1, 2, 4, 8], [16, 32, 64, 0], [128, 0, 256, 0], [512, 0, 0, 0.0]])
+    exponents, sums = encountered(met, contributions, 3)
+    expected = {(0, 0, 0): 1 + 16 + 128 + 512, (1, 0, 0): 2, (0, 1, 0): 32, (0, 0, 1): 0,
+                (1, 1, 0): 4 + 64, (0, 0, 2): 256, (1, 1, 1): 8}
+    assert dict(zip(map(tuple, exponents.tolist()), sums, strict=True)) == expected
+    assert not exponents[0].any() and np.all(np.diff(exponents.sum(axis=1)) >= 0)

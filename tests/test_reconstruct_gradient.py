@@ -127,7 +127,7 @@ def test_the_gradient_agrees_with_finite_differences_for_any_bsdf(tmp_path, kind
     def derivative(seed):
         scene = view.scene(start)
         parameters = mi.traverse(scene)
-        key = reflectance_key(parameters, "paint")
+        key = reflectance_key(parameters, "paint", view.scene_file)
         values = mi.Float(np.array(parameters[key]))
         dr.enable_grad(values)
         parameters[key] = values

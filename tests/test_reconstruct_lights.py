@@ -91,6 +91,27 @@ def test_a_scene_in_any_light_is_the_picture_of_mitsuba_s_path_tracer(tmp_path, 
     assert lit.mean() > 0.5 and np.abs(z[lit]).max() < student.isf(level / 2, RUNS - 1)
 
 
+METAL = ('<bsdf type="twosided" id="red"><bsdf type="roughconductor"><float name="alpha" '
+         'value="0.25"/><spectrum name="specular_reflectance" value="0.5"/></bsdf></bsdf>')
+
+
+def test_a_rough_metal_is_the_picture_of_mitsuba_s_path_tracer(tmp_path):
+    """Its spectrum is a factor on all that it mirrors: the traced products hold, highlights too."""
+    plain = '<bsdf type="diffuse" id="red"><spectrum name="reflectance" value="0.5"/></bsdf>'
+    text = cornell_box_xml(WIDTH, 4)
+    assert plain in text
+    view = view_of(scene(tmp_path, text.replace(plain, METAL)))
+    film = load_scene(view.xml(dict(zip(MATERIALS, SPECTRA, strict=True)), integrator="path"))
+    theirs = np.array([blocks(render(film, 32, 100 + run)[0]) for run in range(RUNS)])
+    runs = [traced(view, seed=run) for run in range(RUNS)]
+    ours = np.array([blocks(signal(run.coefficients, run.exponents, SPECTRA, view.response))
+                     for run in runs])
+    z = (ours.mean(axis=0) - theirs.mean(axis=0)) / np.sqrt((ours.var(axis=0, ddof=1)
+                                                            + theirs.var(axis=0, ddof=1)) / RUNS)
+    level = 1 - (1 - 0.01) ** (1 / z.size)
+    assert np.abs(z).max() < student.isf(level / 2, RUNS - 1)
+
+
 def test_a_map_of_the_sky_is_the_picture_of_mitsuba_s_path_tracer_under_its_own_daylight(tmp_path,
                                                                                          mitsuba):
     """Mitsuba gives a grey map the spectrum D65; the traced transport, under that light, must show

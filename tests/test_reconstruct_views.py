@@ -16,7 +16,7 @@ from spectrabox.radiometry.records.spectra import Outcome, Quantity, Spectrum
 from spectrabox.reconstruct import transport_engine
 from spectrabox.reconstruct.fit.transport_fit import spectrum_prior
 from spectrabox.reconstruct.inverse_rendering import reconstruct, reconstruct_views
-from spectrabox.reconstruct.tracer.transport import shaded_images
+from spectrabox.reconstruct.tracer.transport import shaded_images, trace_transport
 from spectrabox.reconstruct.transport_engine import unit_scene
 from spectrabox.reconstruct.view import check_views
 from spectrabox.session.store.record_files import pack, unpack
@@ -211,13 +211,16 @@ def test_an_unknown_lamp_is_named(folder, first):
         check_views([replace(first, light_spectra=lamp)])
 
 
-def test_a_light_without_a_name_cannot_be_told_from_the_others(folder, first):
-    bulb = '<emitter type="point"><point name="position" value="0.3, 0, 0.8"/></emitter></scene>'
-    two = view(folder, "two lamps", text=cornell_box_xml(WIDTH, BOUNCES + 1).replace("</scene>",
-                                                                                     bulb))
-    with pytest.raises(InputError, match="a light without an id"):
-        reconstruct_views([replace(two, photo=first.photo)],
-                          replace(SETTINGS, light_error=0.1), silent)
+def test_lights_without_names_are_told_apart_by_names_that_they_get(folder, first):
+    bulb = '<emitter type="point"><point name="position" value="0.3, 0, {}"/></emitter>'
+    text = cornell_box_xml(WIDTH, BOUNCES + 1).replace("</scene>", "".join(
+        map(bulb.format, ("0.8", "0.1"))) + "</scene>")
+    three = view(folder, "three lamps", text=text)
+    assert three.scene_file.light_ids == ("lamp", "point", "point_2")
+    unit = unit_scene(three, 1, separate_lights=True)
+    region = np.zeros(three.surface.shape, dtype=int)
+    lit = trace_transport(unit, region, spp=16, seed=1).passes.sum(axis=(0, 1, 3))
+    assert lit.shape == (3,) and (lit > 0).all()
 
 
 def test_a_view_whose_scale_nothing_tells_is_named(folder, first):

@@ -282,6 +282,9 @@ def test_rendering_the_textures_gives_back_the_photo(finished, scene, lighting, 
     root = ET.fromstring((results / "textures.xml").read_text(encoding="utf-8"))
     textures = {node.get("id").split(" of ")[1]: str(results / node.find("texture/string").get(
         "value")) for node in root}
+    for name in files:      # a texel that no pixel shows has the spread of those that pixels show
+        if name.startswith("texture-"):
+            assert np.isfinite(layers(results / name)).all()
     register_spectral_texture()
     view, size = scene.view, SIZE[::-1]
     spectra = {material.bsdf: spectrum for material, spectrum in zip(

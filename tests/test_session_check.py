@@ -72,13 +72,6 @@ def no_chart_in_the_chart_scene(folder):
     edit(folder, "scene/chart.xml", ('id="chart"', 'id="sheet"'))
 
 
-def lights_without_a_name_to_tell_apart(folder):
-    edit(folder, "scene/box.xml", ("</scene>", '''<emitter type="point">
-         <point name="position" x="0" y="5" z="0"/>
-         <spectrum name="intensity" type="uniform" value="1"/></emitter></scene>'''))
-    edit(folder, "session.toml", ("[reconstruct]\n", "[reconstruct]\nlight_error = 0.02\n"))
-
-
 def a_material_that_no_pixel_sees(folder):
     edit(folder, "scene/box.xml", ('<translate x="-5" y="6" z="-20"/>',
                                    '<translate x="-5" y="6" z="200"/>'))
@@ -99,7 +92,6 @@ FAULTS = {black_stated_too_high: "the black level taken off is too high",
           glossy_with_the_transport_engine: "cube of box.xml is coated or glossy",
           draws_through_a_transport_that_is_not_traced: "the engine kept no light transport",
           no_chart_in_the_chart_scene: "no shape with the id 'chart'",
-          lights_without_a_name_to_tell_apart: "a light without an id",
           a_material_that_no_pixel_sees: "'cube' fills 0 pixels",
           a_material_that_no_light_reaches: "no light reaches material 'red'",
           a_surface_without_a_usable_signal: "'red' fills 128 pixels of the rendered view, 0 of"}

@@ -250,7 +250,8 @@ class ViewLoss:
                                     * self.photo.size)
         self.parameters = mi.traverse(self.scene)
         self.positions = f"{shape_id}.vertex_positions"
-        self.reflectance = reflectance_key(self.parameters, view.unknown[0].bsdf)
+        self.reflectance = reflectance_key(self.parameters, view.unknown[0].bsdf,
+                                           view.scene_file)
         self.parameters.keep([self.positions, self.reflectance])
 
     def gradients(self, vertices: np.ndarray, coefficients: np.ndarray, spp: int,

@@ -2,7 +2,8 @@
 
 A texel is as large as the finest pixels, and has the mean of the pixels that show it; holes between
 these are filled from the nearest texel. Beyond, the mean is that of the surface, and the standard
-deviation NaN. Surfaces whose parts share texture coordinates, as the faces of a cube do, have a
+deviation that of a texel drawn from those that are seen: their spread and their own, together.
+Surfaces whose parts share texture coordinates, as the faces of a cube do, have a
 texture only where one part is seen.
 """
 from __future__ import annotations
@@ -136,7 +137,17 @@ class TextureSums:
                 return rows
 
             yield SurfaceTexture(each.surface, each.bsdf, each.shape,
-                                 rows_of(mean, mean.mean(axis=0)), rows_of(deviation, np.nan))
+                                 rows_of(mean, mean.mean(axis=0)),
+                                 rows_of(deviation, _spread(mean, deviation)))
+
+
+def _spread(mean: np.ndarray, deviation: np.ndarray) -> np.ndarray:
+    """Standard deviation (Q,) of a texel that nobody saw, of those (t, P) and (t, Q) that are seen:
+    their scatter, at the wavelengths of the deviations, and what each is known to.
+    """
+    at = np.linspace(0, 1, deviation.shape[1])
+    scatter = np.interp(at, np.linspace(0, 1, mean.shape[1]), mean.std(axis=0))
+    return np.asarray(np.sqrt(scatter**2 + (deviation**2).mean(axis=0)), dtype=np.float32)
 
 
 def _neighbours(row: np.ndarray, column: np.ndarray, surface: np.ndarray,

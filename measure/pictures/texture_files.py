@@ -8,14 +8,14 @@ them.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 from pathlib import Path
 
 from spectrabox.measure.pictures import pixel_spectra, spectra_files, surface_textures
 from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.system.words import file_stem
-from spectrabox.reconstruct.rendering.renderer import NAME
+from spectrabox.reconstruct.scene.plugins import SPECTRAL_PICTURE
 
 XML = "textures.xml"
 
@@ -40,7 +40,7 @@ def write_textures(textures: Iterable[surface_textures.SurfaceTexture],
     root = ET.Element("scene", version="3.0.0")
     layout = replace(layout, form="exr")
     for texture in textures:
-        stem = f"texture-{file_stem(texture.surface)}"
+        stem = _stem(texture.surface)
         for name, rows, file in ((spectra_files.MEAN, texture.mean, f"{stem}.exr"),
                                  (spectra_files.DEVIATION, texture.standard_deviation,
                                   f"{stem}-{spectra_files.DEVIATION}.exr")):
@@ -50,10 +50,30 @@ def write_textures(textures: Iterable[surface_textures.SurfaceTexture],
             files.append(file)
         bsdf = ET.SubElement(root, "bsdf", type="diffuse",
                              id=f"{texture.bsdf} of {texture.surface}")
-        spectra = ET.SubElement(bsdf, "texture", name="reflectance", type=NAME)
+        spectra = ET.SubElement(bsdf, "texture", name="reflectance", type=SPECTRAL_PICTURE)
         ET.SubElement(spectra, "string", name="filename", value=f"{stem}.exr")
     if files:
         ET.indent(root)
         write_text_whole(folder / XML, ET.tostring(root, encoding="unicode") + "\n")
         files.append(XML)
     return tuple(files)
+
+
+def textures_of(files: Collection[str], surfaces: Iterable[str], folder: Path) -> dict[str, Path]:
+    """The file of each surface that has a texture.
+
+    Parameters
+    ----------
+    files : collection of str
+        Names of the picture's files, as ``PictureRecords`` has them.
+    surfaces : iterable of str
+        Ids of shapes.
+    folder : Path
+        Of the files.
+    """
+    return {surface: folder / name for surface in surfaces
+            if (name := f"{_stem(surface)}.exr") in files}
+
+
+def _stem(surface: str) -> str:
+    return f"texture-{file_stem(surface)}"

@@ -14,6 +14,7 @@ from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.results import capture_result
 from spectrabox.measure.results.methods import scene_methods
 from spectrabox.measure.scene.rehearsal import Rehearsed
+from spectrabox.radiometry.error_model import LEVEL_BY_PRIOR
 from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.calibration import Calibration, LightScale
 from spectrabox.radiometry.records.scenes import Reconstruction, SceneGeometry
@@ -46,6 +47,14 @@ class SceneResult(capture_result.CaptureResult):
     def light_scale(self) -> LightScale:
         """From rendered signal to that of the first photo."""
         return self.reconstruction.light_scale
+
+    @property
+    def level_error(self) -> float | None:
+        """Relative standard error of the level of the light where nothing stated it, and what is
+        expected of surfaces told it; None where a chart or a known material did.
+        """
+        return next((error.relative for error in self.light_scale.common_errors
+                     if error.cause == LEVEL_BY_PRIOR), None)
 
     @property
     def own_findings(self) -> list[Finding]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -15,9 +16,14 @@ from spectrabox.radiometry.colour_science import adapted_srgb
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.spectra import SpectrumSamples, WavelengthGrid
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
-from spectrabox.reconstruct.rendering.renderer import load_scene, render
+from spectrabox.reconstruct.rendering.renderer import (
+    load_scene,
+    register_spectral_texture,
+    render,
+)
+from spectrabox.reconstruct.scene import stated
 from spectrabox.reconstruct.scene.scene_file import SceneFile
-from spectrabox.reconstruct.scene.scene_xml import scene_xml
+from spectrabox.reconstruct.scene.scene_xml import NO_TEXTURES, scene_xml
 
 WHITE_PERCENTILE = 99.5            # percentile of luminance that the picture shows as white
 DRAWS = 400                 # of each material whose colours are compared
@@ -39,7 +45,8 @@ class ColourSpread:
 def relight(scene: SceneFile, bsdfs: Mapping[str, str],
             spectra: Mapping[str, np.ndarray | SpectrumSamples], grid: WavelengthGrid,
             light: np.ndarray, observer: np.ndarray, *, size: tuple[int, int], spp: int,
-            seed: int) -> tuple[np.ndarray, np.ndarray, tuple[ColourSpread, ...]]:
+            seed: int, textures: Mapping[str, Path] = NO_TEXTURES
+            ) -> tuple[np.ndarray, np.ndarray, tuple[ColourSpread, ...]]:
     """Render a scene under a light with the means of the draws. The renderer has been started.
 
     Parameters
@@ -51,7 +58,7 @@ def relight(scene: SceneFile, bsdfs: Mapping[str, str],
         From each material to its reflectance (P,), or to its draws.
     grid : WavelengthGrid
     light : (P,) array
-        Relative power of the light.
+        Relative power of every light; the scene says how strong each is beside the others.
     observer : (3, P) array
         Colour-matching functions.
     size : (width, height)
@@ -60,6 +67,8 @@ def relight(scene: SceneFile, bsdfs: Mapping[str, str],
         Paths per pixel.
     seed : int
         Of the paths.
+    textures : mapping
+        From ids of shapes to the files of their spectra, where a picture found them.
 
     Returns
     -------
@@ -74,8 +83,11 @@ def relight(scene: SceneFile, bsdfs: Mapping[str, str],
              if isinstance(known, SpectrumSamples) else known for name, known in spectra.items()}
     xml = scene_xml(scene, reflectances={bsdfs[name]: np.clip(mean, 0, 1)
                                          for name, mean in means.items()},
-                    light=light, bands=dict(zip("XYZ", observer, strict=True)),
-                    range_nm=(grid.nm[0], grid.nm[-1]), size=size)
+                    light={name: light * unit[0] for name, unit in stated.strengths(scene).items()},
+                    bands=dict(zip("XYZ", observer, strict=True)),
+                    range_nm=(grid.nm[0], grid.nm[-1]), size=size, textures=textures)
+    if textures:
+        register_spectral_texture()
     xyz, _ = render(load_scene(xml), spp, seed)
     xyz = xyz / np.percentile(xyz[..., 1], WHITE_PERCENTILE)
     white = _tristimulus(np.ones_like(grid.nm), grid, light, observer)

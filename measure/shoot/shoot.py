@@ -121,8 +121,8 @@ class LightSection(Table):
         "CIE name, a kind of lamp (daylight, halogen, led, fluorescent), or "
         "{cct = 3200}")
     by_id: dict[str, curves.LightRef] | None = Field(
-        None, description="lights of the scene that have "
-        "another spectrum")
+        None, description="lights of the scene that are not as strong or as coloured beside the "
+        "others as it states: their spectra, in the unit of light.spectrum")
 
 
 class SensitivitySection(Table):

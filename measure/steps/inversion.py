@@ -17,6 +17,7 @@ from spectrabox.measure.steps.work import Work
 from spectrabox.measure.surfaces.surface_signals import scene_signals
 from spectrabox.radiometry import error_model
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.findings import Finding, each_once
 from spectrabox.radiometry.light_scale import scale_for_photo
 from spectrabox.radiometry.records.calibration import Calibration, LightScale
 from spectrabox.radiometry.records.photos import LinearImage
@@ -25,7 +26,6 @@ from spectrabox.reconstruct import inverse_rendering
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
 from spectrabox.reconstruct.scene import scene_file
 from spectrabox.reconstruct.settings import InversionSettings
-from spectrabox.reconstruct.transport_engine import require_lit
 from spectrabox.reconstruct.view import MaterialSpec, PhotoView
 
 TRACE = ".trace.npz"      # among the checkpoints, while a trace goes on and where it was stopped
@@ -62,7 +62,8 @@ def invert_photos(capture: SceneCapture, records: CaptureRecords,
                                                 work.checkpoint(TRACE))
     joint = photo_errors.with_stray_light(joint, stated_errors(capture, records, views))
     return ReconstructionRecords(joint, scene_signals(joint, records.calibrations(capture.views)),
-                                 scene_geometry(capture), box_scenes(capture))
+                                 scene_geometry(capture), box_scenes(capture),
+                                 each_once(one for view in views for one in view.findings))
 
 
 def stated_errors(capture: SceneCapture, records: CaptureRecords, views: Sequence[PhotoView]
@@ -91,8 +92,10 @@ def glare_error(capture: SceneCapture, records: CaptureRecords) -> np.ndarray:
     return np.hypot(capture.stray_light.glare, np.zeros(1) if chart is None else chart.glare)
 
 
-def require_invertible(capture: SceneCapture, records: CaptureRecords, device: str) -> int | None:
-    """Refuse a capture that the step would refuse, before more than a first, short trace.
+def require_invertible(capture: SceneCapture, records: CaptureRecords, device: str
+                       ) -> tuple[inverse_rendering.Forecast, tuple[Finding, ...]]:
+    """Refuse a capture that the step would refuse: all that it uses is built, and a first, short
+    piece of its work done.
 
     Parameters
     ----------
@@ -103,8 +106,10 @@ def require_invertible(capture: SceneCapture, records: CaptureRecords, device: s
 
     Returns
     -------
-    int or None
-        Bytes that the step will take besides the program; None where the engine does not trace.
+    forecast : Forecast
+        Of time and memory.
+    findings : tuple of Finding
+        What of the scenes is not kept, and how their lights are taken.
 
     Raises
     ------
@@ -113,13 +118,16 @@ def require_invertible(capture: SceneCapture, records: CaptureRecords, device: s
     start_mitsuba(device)
     views = views_of(capture, records)
     _require_picture(capture, views)
+    if _level_is_free(capture, views):      # which any guess lets be checked
+        views = [dataclasses.replace(view, light_scale=LightScale(1.0, None, None, ""))
+                 for view in views]
     settings, _ = inverse_rendering.settings_for(views, settings_of(capture))
+    findings = each_once(one for view in views for one in view.findings)
     if capture.sampling.through == "transport":
         alike = settings.engine not in inverse_rendering.SINGLE_VIEW and not any(view.own_lights
                                                                                  for view in views)
         require_one_transport(len(views), alike)
-    return None if settings.engine in inverse_rendering.SINGLE_VIEW else require_lit(
-        views, settings)
+    return inverse_rendering.forecast(views, settings), findings
 
 
 def _require_picture(capture: SceneCapture, views: Sequence[PhotoView]) -> None:
@@ -210,12 +218,29 @@ def require_materials(scene: scene_file.SceneFile, bsdfs: dict[str, str]) -> Non
 
 def _with_estimated_scale(capture: SceneCapture, views: list[PhotoView],
                           settings: InversionSettings, progress: Progress) -> list[PhotoView]:
-    """Views with the strength of the light, by the prior where nothing else tells it."""
-    known = any(material.known is not None for material in capture.materials.values())
-    if known or any(view.light_scale is not None for view in views):
+    """Views with the strength of the light, by the prior where nothing else tells it: a level that
+    is then estimated with the spectra.
+    """
+    if not _level_is_free(capture, views):
         return views
-    return [dataclasses.replace(view, light_scale=photo_errors.scale_from_prior(
-        view, settings, capture.families, progress)) for view in views]
+    scaled: list[PhotoView] = []
+    for view in views:
+        # the level of one photo carries over to those that show its surfaces
+        linked = {material for other in scaled for material in other.name_of_bsdf}
+        if linked & view.name_of_bsdf.keys():
+            scaled.append(dataclasses.replace(view, level_error=scaled[0].level_error))
+            continue
+        scale = photo_errors.scale_from_prior(view, settings, capture.families, progress)
+        assert scale.standard_error is not None
+        scaled.append(dataclasses.replace(
+            view, light_scale=scale, level_error=scale.standard_error / scale.value))
+    return scaled
+
+
+def _level_is_free(capture: SceneCapture, views: Sequence[PhotoView]) -> bool:
+    """Whether neither a chart nor a known material tells the strength of the light."""
+    known = any(material.known is not None for material in capture.materials.values())
+    return not known and all(view.light_scale is None for view in views)
 
 
 def view_of_chart(capture: SceneCapture, view: SceneView) -> SceneView | None:

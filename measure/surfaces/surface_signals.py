@@ -46,7 +46,7 @@ def scene_signals(joint: scenes.JointReconstruction,
               error_model.LIGHT_SPECTRUM: error_model.light_covariance(calibrations, signals)}
     for cause in dict.fromkeys(cause for parts in scales for cause in parts):
         roots = np.vstack([symmetric_root(parts.get(cause, none)) for parts in scales])
-        relative = shared * (roots @ roots.T)
+        relative = (1.0 if error_model.CAUSES[cause].photos else shared) * (roots @ roots.T)
         causes[cause] = error_model.proportional_covariance(joint.signal, relative)
     for stray in joint.stray_light:
         causes[stray.cause] = error_model.added_covariance(stray.relative * joint.signal,

@@ -321,7 +321,7 @@ def fit_views(views: Sequence[view_terms.ViewTerms], materials: Sequence[tuple[i
     state = np.zeros(cost_of.size)
     state[:cost_of.count] = START if start is None else start.ravel()
     for view, index in zip(views, cost_of.index, strict=True):
-        if view.nuisances.scale is None:
+        if view.scale_is_free:
             state[index[view.free_scale]] = view.start_scale(state[index])
     cost, gradient, curvature = cost_of.expand(state)
     damping, costs, calm, outcome = 1e-3, [cost], 0, Outcome.STEP_LIMIT

@@ -76,6 +76,7 @@ class Nuisances:
     """
 
     scale: float | None = None          # light scale; None to estimate it
+    scale_error: float = 0.0            # of its logarithm: it is estimated about ``scale``
     # log gain of a surface, independent in each band: colour of the light, uneven paint
     surface_error: float = 0.0
     # log gain of a surface, the same in all bands: light profile, pose, geometry
@@ -119,7 +120,8 @@ class ViewFit:
 class ViewTerms:
     """Misfit of one view as a function of its own state.
 
-    The state is (size,): coefficients, then nuisances, then the log scale if free.
+    The state is (size,): coefficients, then nuisances, then the log scale if free, relative to the
+    stated one where there is one.
     """
 
     def __init__(self, system: BandSystem, model: SpectrumModel, nuisances: Nuisances) -> None:
@@ -129,15 +131,22 @@ class ViewTerms:
         varied = nuisances.surface_error > 0 or nuisances.brightness_error > 0
         self.surfaces = np.unique(system.group) if varied else np.array([], dtype=int)
         sizes = (self.surfaces.size * self.bands, self.lights * (nuisances.light_error > 0),
-                 self.bands**2 * (nuisances.mixing_error > 0), int(nuisances.scale is None))
+                 self.bands**2 * (nuisances.mixing_error > 0), int(self.scale_is_free))
         ends = self.count + np.cumsum(sizes)
         self.size = int(ends[-1])
         self.gain, self.light, self.mix, self.free_scale = (
             slice(int(end - size), int(end)) for end, size in zip(ends, sizes, strict=True))
 
     @property
+    def scale_is_free(self) -> bool:
+        """Whether the light scale is estimated."""
+        return self.nuisances.scale is None or self.nuisances.scale_error > 0
+
+    @property
     def prior(self) -> np.ndarray:
-        """Prior precision (size - count,) squared of the nuisances; none on the scale."""
+        """Prior precision (size - count,) squared of the nuisances; none on a scale that nothing
+        is stated of.
+        """
         given = self.nuisances
         matrix = np.zeros((self.size, self.size))
         if self.surfaces.size:
@@ -145,13 +154,15 @@ class ViewTerms:
                           + given.brightness_error**2)
             precision = np.linalg.inv(covariance)
             matrix[self.gain, self.gain] = np.kron(np.eye(self.surfaces.size), precision)
-        for part, error in ((self.light, given.light_error), (self.mix, given.mixing_error)):
+        stated_scale = self.free_scale if given.scale is not None else slice(0)
+        for part, error in ((self.light, given.light_error), (self.mix, given.mixing_error),
+                            (stated_scale, given.scale_error)):
             indices = np.arange(self.size)[part]
             matrix[indices, indices] = 1 / max(error, 1e-9) ** 2
         return matrix[self.count:, self.count:]
 
     def start_scale(self, state: np.ndarray) -> float:
-        """Logarithm of the light scale that suits the coefficients of the state best.
+        """State of the light scale that suits the coefficients of the state best.
 
         Parameters
         ----------
@@ -159,7 +170,7 @@ class ViewTerms:
         """
         predicted = self.system.root * (self.system.rows @ self._signals(state))
         value = np.sum(predicted * self.system.root * self.system.target) / np.sum(predicted**2)
-        return float(np.log(max(value, 1e-30)))
+        return float(np.log(max(value, 1e-30) / (self.nuisances.scale or 1.0)))
 
     def misfit(self, state: np.ndarray) -> float:
         """Sum of squares of the weighted residuals, less that of the Monte Carlo noise.
@@ -210,8 +221,9 @@ class ViewTerms:
             Of the state.
         """
         gains = np.exp(state[self.gain]).reshape(-1, self.bands)
-        scale = self.nuisances.scale or float(np.exp(state[self.free_scale]).item())
-        error = None if self.nuisances.scale else scale * float(np.sqrt(covariance[-1, -1]))
+        scale = float(np.exp(state[self.free_scale]).sum() if self.scale_is_free else 1.0) \
+            * (self.nuisances.scale or 1.0)
+        error = scale * float(np.sqrt(covariance[-1, -1])) if self.scale_is_free else None
         return ViewFit(scale, error, dict(zip(self.surfaces.tolist(), gains, strict=True)),
                        self._light_gains(state), self._mixing(state), self._signals(state))
 
@@ -262,8 +274,9 @@ class ViewTerms:
 
     def _factor(self, state: np.ndarray, group: np.ndarray) -> np.ndarray:
         """Scale x gain (Q, K), or a number."""
-        given = self.nuisances.scale
-        scale = np.exp(state[self.free_scale]) if given is None else np.asarray(given)
+        scale = np.asarray(self.nuisances.scale or 1.0)
+        if self.scale_is_free:
+            scale = scale * np.exp(state[self.free_scale])
         if not self.surfaces.size:
             return scale
         gains = state[self.gain].reshape(-1, self.bands)

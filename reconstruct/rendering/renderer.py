@@ -31,7 +31,7 @@ import numpy as np
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.spectra.spectral_layers import REFLECTANCE, spectral_layers
 from spectrabox.reconstruct.rendering.llvm import ensure_llvm, writable_home
-from spectrabox.reconstruct.scene import meshes, plugins
+from spectrabox.reconstruct.scene import meshes, plugins, stated
 from spectrabox.reconstruct.scene.scene_file import SceneFile, relative_radiance
 from spectrabox.reconstruct.scene.scene_xml import scene_xml
 
@@ -227,8 +227,8 @@ def _sampled(scene_file: SceneFile, centres_uv: np.ndarray, sizes_uv: np.ndarray
                          "place a rectangle of the chart's size where the chart was, with that id")
     ones = np.ones(2)
     scene = load_scene(scene_xml(scene_file, reflectances=dict.fromkeys(scene_file.bsdf_ids, ones),
-                                 light=ones, bands={"one": ones}, range_nm=(400.0, 700.0),
-                                 size=(4, 4), integrator="path"))
+                                 light=stated.strengths(scene_file), bands={"one": ones},
+                                 range_nm=(400.0, 700.0), size=(4, 4), integrator="path"))
     shape = next(shape for shape in scene.shapes() if shape.id() == CHART_SHAPE)
     rng = np.random.default_rng(seed)
     offset = (rng.random((len(centres_uv), SAMPLES, 2)) - 0.5) \
@@ -277,9 +277,6 @@ def _profile(scene: Any, profiles: Mapping[str, np.ndarray], direction: Any) -> 
 
 # ---- a spectral EXR as a texture of Mitsuba, whose own ``bitmap`` knows three channels alone -----
 
-NAME = "spectral_picture"
-
-
 def register_spectral_texture() -> None:
     """Make the texture known to Mitsuba under ``spectral_picture``; its variant is set before."""
     import drjit as dr
@@ -324,12 +321,14 @@ def register_spectral_texture() -> None:
             """As Mitsuba prints it."""
             return f"SpectralPicture[{self.width} x {self.height}, {self.count} wavelengths]"
 
-    mi.register_texture(NAME, lambda properties: SpectralPicture(properties))
+    mi.register_texture(plugins.SPECTRAL_PICTURE, lambda properties: SpectralPicture(properties))
 
 
 def _read(path: str) -> tuple[np.ndarray, np.ndarray]:
     """Pixels (H, W, P) and wavelengths (P,) of the layers T of a file."""
     import mitsuba as mi
+    file_resolver: Any = mi.file_resolver       # knows the folder of the file that is loaded
+    path = str(file_resolver().resolve(path))
     with all_cores():       # its reader waits for ever where there is one thread
         picture: Any = mi.Bitmap(path)
     names = [field.name for field in picture.struct_()]

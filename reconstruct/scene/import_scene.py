@@ -15,6 +15,7 @@ from pathlib import Path
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import is_there, read_text
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.reconstruct.scene import plugins
 
 MAX_INSTANCES = 10_000
@@ -22,6 +23,7 @@ GROUP, INSTANCE = "shapegroup", "instance"
 # of BSDFs: what colours a whole surface, and so cannot be a picture
 COLOURING = ("reflectance", "diffuse_reflectance", "base_color", "specular_reflectance")
 MESHES = ("ply", "obj", "serialized")
+PICTURES = ("bitmap", "checkerboard", "mesh_attribute", "volume")   # textures that are no spectrum
 EMITTED = {"area": "radiance", "constant": "radiance", "point": "intensity", "spot": "intensity",
            "directional": "irradiance", "projector": "irradiance", "directionalarea": "radiance"}
 # its picture gives the radiance by direction; its colours are Mitsuba's, not the light's
@@ -147,7 +149,7 @@ def _lift_bsdfs(root: ET.Element) -> None:
             ET.SubElement(shape, "ref", name="bsdf", id=identity)
 
 
-def make_foreign_bsdfs_diffuse(root: ET.Element) -> None:
+def make_foreign_bsdfs_diffuse(root: ET.Element) -> tuple[list[str], list[Finding]]:
     """BSDFs of other programs' plugins that have a reflectance become diffuse, in place.
 
     Mitsuba never sees such a type. Only one that is a plain word is taken for a plugin's name.
@@ -156,13 +158,31 @@ def make_foreign_bsdfs_diffuse(root: ET.Element) -> None:
     ----------
     root : Element
         A <scene>; is changed.
+
+    Returns
+    -------
+    problems : list of str
+        A sentence about each that lets light through.
+    findings : list of Finding
+        ``scene.left-out``, of each whose other parameters are not kept.
     """
+    problems, findings = [], []
     for bsdf in root.iter("bsdf"):
         kind = bsdf.get("type", "")
         kept = [child for child in bsdf if child.get("name") == "reflectance"]
         if kept and kind not in plugins.PLUGINS["bsdf"] and re.fullmatch(r"[A-Za-z]\w*", kind):
+            name = bsdf.get("id") or kind
+            others = [child.get("name") or child.tag for child in bsdf if child not in kept]
+            if "transmittance" in others:
+                problems.append(f"the BSDF {name!r} of type {kind!r} lets light through "
+                                "(transmittance), which is not traced: take it out if the surface "
+                                "is opaque, or model what is behind it as a surface")
+            elif others:
+                findings.append(Finding("scene.left-out", Severity.NOTE, name, {
+                    "element": "bsdf", "parameters": others}))
             bsdf.set("type", "diffuse")
             bsdf[:] = kept
+    return problems, findings
 
 
 def plain_bsdf(node: ET.Element) -> ET.Element:

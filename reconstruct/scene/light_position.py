@@ -22,6 +22,7 @@ from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.records.spectra import Outcome, Progress
 from spectrabox.radiometry.shaped import Record
 from spectrabox.reconstruct.rendering.renderer import load_scene
+from spectrabox.reconstruct.scene import stated
 from spectrabox.reconstruct.scene.edit_scene import light_number, with_light_moved
 from spectrabox.reconstruct.scene.scene_file import SceneFile, not_plain_products
 from spectrabox.reconstruct.scene.scene_xml import scene_xml
@@ -187,7 +188,8 @@ class _MovableLight:
         """The scene with its light moved by ``offset`` (3,), open, with unit spectra."""
         ones = np.ones(2)
         scene = load_scene(scene_xml(with_light_moved(self.scene_file, self.number, offset),
-                                     reflectances=dict.fromkeys(self.bsdfs, ones), light=ones,
+                                     reflectances=dict.fromkeys(self.bsdfs, ones),
+                                     light=stated.strengths(self.scene_file),
                                      bands={"one": ones}, range_nm=(400.0, 700.0), size=self.size))
         return UnitScene(scene, {bsdf: bsdf for bsdf in self.bsdfs}, self.size,
                          self.scene_file.max_depth - 1, profiles=self.scene_file.profiles)

@@ -46,6 +46,8 @@ PLUGINS: dict[str, tuple[str, ...]] = {
     "shape": ("ply", "obj", "serialized", "rectangle", "cube", "sphere", "disk", "cylinder",
               "linearcurve", "bsplinecurve", "merge", "shapegroup", "instance"),
 }
+# the texture of our own, of spectra that were found: in what Mitsuba is given, not in scenes
+SPECTRAL_PICTURE = "spectral_picture"
 # elements that hold values and no plugin
 VALUES = ("boolean", "integer", "float", "string", "point", "vector", "rgb", "ref", "alias",
           "default", "transform", "translate", "rotate", "scale", "lookat", "matrix")
@@ -111,7 +113,8 @@ def file_attributes(root: ET.Element) -> list[tuple[ET.Element, str]]:
         (node, "filename") for node in root.iter() if node.get("filename")]
 
 
-def plugin_problems(root: ET.Element, left_out: Collection[str] = ()) -> list[str]:
+def plugin_problems(root: ET.Element, left_out: Collection[str] = (),
+                    written: bool = False) -> list[str]:
     """Sentences about all of a scene that Mitsuba must not be given; empty when there is none.
 
     Parameters
@@ -120,6 +123,8 @@ def plugin_problems(root: ET.Element, left_out: Collection[str] = ()) -> list[st
         A <scene>, its includes and the $NAMES in its types replaced.
     left_out : collection of str
         Elements whose types are checked elsewhere.
+    written : bool
+        Whether the scene was written here: it may have textures of spectra then.
     """
     problems: dict[str, None] = {}
     for node in root.iter():
@@ -140,7 +145,8 @@ def plugin_problems(root: ET.Element, left_out: Collection[str] = ()) -> list[st
         elif node.tag not in PLUGINS:
             problems[f"{what} is no element that a scene may hold; take it out, or write one of "
                      f"{', '.join((*PLUGINS, *VALUES))}"] = None
-        elif node.get("type") not in PLUGINS[node.tag] and node.tag not in left_out:
+        elif node.get("type") not in PLUGINS[node.tag] and node.tag not in left_out \
+                and not (written and node.get("type") == SPECTRAL_PICTURE):
             problems[f"{what} is of type {node.get('type')!r}, which a scene may not name; write "
                      f"type=\"{PLUGINS[node.tag][0]}\", or another of "
                      f"{', '.join(PLUGINS[node.tag])}"] = None
@@ -163,5 +169,5 @@ def require_harmless(root: ET.Element) -> None:
     if root.tag != "scene" or not re.fullmatch(r"[2-9](\.\d+){0,2}", version):
         raise InputError(f"the scene has the root <{plain(root.tag)}> of version {version!r}; "
                          'write <scene version="3.0.0">')
-    if problems := plugin_problems(root):
+    if problems := plugin_problems(root, written=True):
         raise InputError("\n".join(f"the scene: {problem}" for problem in problems))

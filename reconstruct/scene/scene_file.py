@@ -29,9 +29,10 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import read_text
+from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.system.words import is_number
-from spectrabox.reconstruct.scene import import_scene, plugins
+from spectrabox.reconstruct.scene import import_scene, plugins, stated
 
 if TYPE_CHECKING:
     import numpy as np
@@ -131,6 +132,7 @@ class SceneFile:
     files: tuple[Path, ...]     # meshes, textures and profiles that it names
     # light id -> table of light_profile.py
     profiles: Mapping[str, np.ndarray] = field(default_factory=dict)
+    left_out: tuple[Finding, ...] = ()      # what it states and nothing is made of
 
     @property
     def lamps(self) -> str:
@@ -187,8 +189,9 @@ def scene_of_text(text: str, path: Path, folder: Path | None = None) -> SceneFil
     for node in root.iter():        # as $integrator of scenes that offer several
         if "$" in node.get("type", ""):
             node.set("type", import_scene.substitute_defaults(node.get("type", ""), defaults))
-    import_scene.make_foreign_bsdfs_diffuse(root)
+    foreign, left_out = import_scene.make_foreign_bsdfs_diffuse(root)
     problems = [f"{path.name} {problem}" for problem in included.problems]
+    problems += [f"{path.name}: {problem}" for problem in foreign]
     # normalise_scene says what else is possible for shapes and emitters
     problems += [f"{path.name}: {problem}"
                  for problem in plugins.plugin_problems(root, ("shape", "emitter"))]
@@ -196,7 +199,8 @@ def scene_of_text(text: str, path: Path, folder: Path | None = None) -> SceneFil
     if sensor is None:
         problems.append(f"{path.name} has no <sensor>: the scene must hold the camera's pose and "
                         "field of view")
-    problems += [f"{path.name}: {problem}" for problem in import_scene.normalise_scene(root)]
+    problems += [f"{path.name}: {problem}" for problem in (
+        *import_scene.normalise_scene(root), *stated.refusals(root))]
     # a picture that is refused is not looked for
     pictures = [
         node for texture in root.iter("texture") if texture.get("name") in import_scene.COLOURING
@@ -215,6 +219,7 @@ def scene_of_text(text: str, path: Path, folder: Path | None = None) -> SceneFil
         if not shape.get("id"):
             identity = f"shape_{number}"
             shape.set("id", identity if identity not in taken else f"surface_{number}")
+    _name_lights(root, taken)
     film = sensor.find("film")
     integrator = root.find("integrator")
     width = _integer(film, "width", defaults, 768, path)
@@ -232,7 +237,22 @@ def scene_of_text(text: str, path: Path, folder: Path | None = None) -> SceneFil
         for shape in root.iter("shape") if shape.find("emitter") is None
     }
     return SceneFile(path, root, width, height, depth if depth > 0 else 12, bsdfs, surfaces,
-                     tuple(light_id(root, node) for node in lights), files, _profiles(root, path))
+                     tuple(light_id(root, node) for node in lights), files, _profiles(root, path),
+                     (*left_out, *stated.left_out(root)))
+
+
+def _name_lights(root: ET.Element, taken: set[str | None]) -> None:
+    """Give every light that stands by itself an id, its type, numbered where another has it: each
+    has its own strength.
+    """
+    for light in root.findall("emitter"):
+        if not light.get("id"):
+            kind, number = light.get("type", ""), 2
+            identity = kind
+            while identity in taken:
+                identity, number = f"{kind}_{number}", number + 1
+            light.set("id", identity)
+            taken.add(identity)
 
 
 def check_materials(scene: SceneFile, bsdf_of_material: Mapping[str, str]) -> list[str]:
@@ -267,6 +287,33 @@ def not_plain_products(scene: SceneFile) -> tuple[str, ...]:
     return tuple(
         node.get("id", "") for node in scene.root.findall("bsdf") if node.get("id") in used
         and import_scene.plain_bsdf(node).get("type") in import_scene.SPECTRAL_FACTOR)
+
+
+def needs_descent(scene: SceneFile) -> tuple[str, ...]:
+    """Those of ``not_plain_products`` that the transport engine cannot trace: all but rough metals
+    whose one spectrum is a factor on all that they mirror.
+
+    A coat mirrors light beside what its spectrum colours, and the refractive index of a metal has
+    a spectrum of its own.
+    """
+    plain = {node.get("id", "") for node in scene.root.findall("bsdf")
+             if (inner := import_scene.plain_bsdf(node)).get("type") == "roughconductor"
+             and not any(child.get("name") in ("material", "eta", "k") for child in inner)}
+    return tuple(name for name in not_plain_products(scene) if name not in plain)
+
+
+def estimated_spectrum(scene: SceneFile, bsdf: str) -> str:
+    """Name of the parameter of a BSDF that is estimated, as scenes for the renderer have it.
+
+    Parameters
+    ----------
+    scene : SceneFile
+    bsdf : str
+        Its id.
+    """
+    node = next(node for node in scene.root.findall("bsdf") if node.get("id") == bsdf)
+    return import_scene.SPECTRAL_FACTOR.get(import_scene.plain_bsdf(node).get("type", ""),
+                                            "reflectance")
 
 
 def parse_scene(text: str, path: Path, comments: bool = False) -> ET.Element:

@@ -16,12 +16,13 @@ from spectrabox.reconstruct.scene import import_scene, plugins, scene_file
 SPECTRUM_TAGS = ("spectrum", "rgb", "texture")
 # in place of a reflectance of 0 at all wavelengths: Mitsuba refuses a spectrum without any mass
 BLACK = 1e-6
+NO_TEXTURES: Mapping[str, Path] = {}
 
 
 def scene_xml(scene: scene_file.SceneFile, *, reflectances: Mapping[str, np.ndarray],
               light: np.ndarray | Mapping[str, np.ndarray], bands: Mapping[str, np.ndarray],
               range_nm: tuple[float, float], size: tuple[int, int],
-              integrator: str = "prb") -> str:
+              integrator: str = "prb", textures: Mapping[str, Path] = NO_TEXTURES) -> str:
     """The scene as XML text with the session's spectra in place of its own.
 
     Parameters
@@ -39,6 +40,8 @@ def scene_xml(scene: scene_file.SceneFile, *, reflectances: Mapping[str, np.ndar
         Of the film in pixels.
     integrator : str
         Mitsuba's name of it; it gets the scene's ``max_depth``.
+    textures : mapping
+        From ids of shapes to spectral EXR files of their reflectance.
 
     Raises
     ------
@@ -48,6 +51,7 @@ def scene_xml(scene: scene_file.SceneFile, *, reflectances: Mapping[str, np.ndar
         not be of that light.
     """
     root = _with_reflectances(scene, reflectances, range_nm)
+    _set_textures(root, scene, textures)
     import_scene.write_out_defaults(root)
     root.set("version", import_scene.CURRENT)
     for node in root.iter("emitter"):
@@ -78,7 +82,8 @@ def scene_xml(scene: scene_file.SceneFile, *, reflectances: Mapping[str, np.ndar
 
 
 def materials_xml(reflectances: Mapping[str, np.ndarray], range_nm: tuple[float, float],
-                  scene: scene_file.SceneFile | None = None, folder: Path | None = None) -> str:
+                  scene: scene_file.SceneFile | None = None, folder: Path | None = None,
+                  textures: Mapping[str, Path] = NO_TEXTURES) -> str:
     """BSDFs that a stock Mitsuba loads, as XML text of a scene to ``<include>``.
 
     Parameters
@@ -91,11 +96,14 @@ def materials_xml(reflectances: Mapping[str, np.ndarray], range_nm: tuple[float,
         Whose BSDFs they are: coats, metals and what stands around them stay. Diffuse without one.
     folder : Path, optional
         Where the text will lie: files that BSDFs name are seen from there.
+    textures : mapping
+        As of ``scene_xml``: a BSDF more for each, of id "BSDF of SHAPE".
     """
     root = ET.Element("scene", version="3.0.0")
     if scene is not None:
         own = _with_reflectances(scene, reflectances, range_nm)
         bsdfs = [node for node in own.findall("bsdf") if node.get("id") in reflectances]
+        bsdfs += _set_textures(own, scene, textures)
         named = {ref.get("id") for bsdf in bsdfs for ref in bsdf.iter("ref")}
         root.extend(node for node in own.findall("texture") if node.get("id") in named)
         root.extend(bsdfs)
@@ -108,7 +116,8 @@ def materials_xml(reflectances: Mapping[str, np.ndarray], range_nm: tuple[float,
 
 
 def recovered_xml(scene: scene_file.SceneFile, reflectances: Mapping[str, np.ndarray],
-                  range_nm: tuple[float, float], folder: Path) -> str:
+                  range_nm: tuple[float, float], folder: Path,
+                  textures: Mapping[str, Path] = NO_TEXTURES) -> str:
     """A scene with recovered reflectances in its BSDFs, as XML text that a stock Mitsuba loads;
     camera, film, integrator and lights stay, but for measured profiles, which Mitsuba does not
     know.
@@ -122,8 +131,11 @@ def recovered_xml(scene: scene_file.SceneFile, reflectances: Mapping[str, np.nda
         First and last wavelength.
     folder : Path
         Where the text will lie: files that the scene names are seen from there.
+    textures : mapping
+        As of ``scene_xml``; a Mitsuba that renders them needs ``register_spectral_texture``.
     """
     root = _with_reflectances(scene, reflectances, range_nm)
+    _set_textures(root, scene, textures)
     for emitter in root.iter("emitter"):
         for node in [
                 each for each in emitter.findall("string") if each.get("name") == scene_file.PROFILE
@@ -141,6 +153,24 @@ def _with_reflectances(scene: scene_file.SceneFile, reflectances: Mapping[str, n
         if (values := reflectances.get(node.get("id", ""))) is not None:
             _set_reflectance(node, values, range_nm, scene.path.name)
     return root
+
+
+def _set_textures(root: ET.Element, scene: scene_file.SceneFile,
+                  textures: Mapping[str, Path]) -> list[ET.Element]:
+    """Give surfaces the spectra of files in place of their one spectrum, in place; the BSDFs."""
+    bsdfs = []
+    for shape in root.iter("shape"):
+        if (file := textures.get(shape.get("id", ""))) is None:
+            continue
+        own = scene.surfaces[shape.get("id", "")]
+        bsdf = ET.Element("bsdf", type="diffuse", id=f"{own} of {shape.get('id')}")
+        texture = ET.SubElement(bsdf, "texture", name="reflectance", type=plugins.SPECTRAL_PICTURE)
+        ET.SubElement(texture, "string", name="filename", value=str(file.resolve()))
+        node = next(ref for ref in shape.findall("ref") if ref.get("id") == own)
+        node.set("id", bsdf.get("id", ""))
+        bsdfs.append(bsdf)
+    root.extend(bsdfs)
+    return bsdfs
 
 
 def _name_files_from(root: ET.Element, scene: scene_file.SceneFile, folder: Path) -> None:
@@ -162,19 +192,19 @@ def _set_light(node: ET.Element, name: str, light: np.ndarray | Mapping[str, np.
     """
     shaped = [child for child in node.findall("string") if child.get("name") == scene_file.PROFILE]
     sky = node.get("type") == import_scene.SKY_MAP
-    if (shaped or sky) and (not isinstance(light, np.ndarray) or np.any(light != 1)):
+    spectrum = light if isinstance(light, np.ndarray) else light.get(name)
+    if (shaped or sky) and (spectrum is None or np.any(spectrum != spectrum[0]) or (
+            isinstance(light, np.ndarray) and spectrum[0] != 1)):
         what = "measured profile" if shaped else "map of the sky"
         raise InputError(f"{file}: only the transport engine knows the {what} of {name!r}; set "
                          "[reconstruct] engine = \"transport\", or take it out")
-    if not isinstance(light, np.ndarray) and name not in light:
+    if spectrum is None:
         raise InputError(f"{file}: the light {name!r} has no spectrum; it is given for "
                          f"{', '.join(light)}")
     emitted = import_scene.EMITTED.get(node.get("type", ""))
-    for child in [*shaped, *(child for child in node if child.tag in SPECTRUM_TAGS
-                             and child.get("name") == emitted and not sky)]:
+    for child in [*shaped, *(child for child in node if child.get("name") == emitted and not sky)]:
         node.remove(child)
     if emitted is not None:     # a map of the sky has its picture
-        spectrum = light if isinstance(light, np.ndarray) else light[name]
         node.append(_regular(emitted, spectrum, range_nm))
 
 

@@ -6,6 +6,7 @@ no Russian roulette, paths end at the stated number of bounces.
 """
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -44,8 +45,8 @@ class Tracer:
     unit : UnitScene
     region : (H, W) int
         Region 0 to R-1 of each pixel, -1 where it is not wanted.
-    exponents : (E, M) int
-        Products of reflectances that are kept.
+    exponents : (E, M) int, optional
+        Products of reflectances that are kept; None counts reflections alone, for ``encounters``.
 
     Raises
     ------
@@ -54,12 +55,15 @@ class Tracer:
     """
 
     def __init__(self, unit: unit_scene.UnitScene, region: np.ndarray,
-                 exponents: np.ndarray) -> None:
+                 exponents: np.ndarray | None) -> None:
         import mitsuba as mi
 
         self.scene, self.size, self.bounces = unit.scene, unit.size, unit.bounces
         self.regions, self.groups = int(region.max()) + 1, unit.groups
-        self.products, self.materials = len(exponents), len(unit.materials)
+        self.materials = len(unit.materials)
+        after = np.repeat(np.arange(1, self.bounces + 3), self.materials) if exponents is None \
+            else product_after(exponents).ravel()
+        self.products = self.bounces + 1 if exponents is None else len(exponents)
         row, column = np.nonzero(region >= 0)
         # Region after region: the paths of each are then an interval of the lattice's first
         # dimension, evenly filled.
@@ -69,7 +73,7 @@ class Tracer:
         self.region = mi.UInt32(region[row, column])
         self.pixels_of_region = np.bincount(region[row, column], minlength=self.regions)
         self.pixels = row.size
-        self.next_product = mi.UInt32(product_after(exponents).ravel())
+        self.next_product = mi.UInt32(after.astype(np.uint32))
         self.material = mi.UInt32(
             unit_scene.bsdf_table(unit.scene, unit.material_of_bsdf, unit.materials))
         self.light = (None if unit.lights is None
@@ -102,6 +106,29 @@ class Tracer:
         shape = (self.groups, self.products) if signals is None else signals.shape[1:]
         return sums.astype(np.float32).reshape(self.regions, *shape)
 
+    def encounters(self, paths: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+        """Materials that each path meets, and what it contributes after each number of reflections.
+
+        Of a tracer without exponents.
+
+        Parameters
+        ----------
+        paths, seed : as of ``trace``
+
+        Returns
+        -------
+        materials : (paths, bounces) int
+            The number of materials where the path has ended.
+        contributions : (paths, bounces + 1) float32
+            Light that arrives with reflectances of 1.
+        """
+        import drjit as dr
+        import mitsuba as mi
+
+        sums = Encounters(paths, self.bounces, self.materials)
+        self._follow(paths, seed, lambda region: dr.arange(mi.UInt32, paths), sums)
+        return sums.values()
+
     def _unit(self, signals: np.ndarray | None) -> int:
         """Bits that the sum of paths leaves for one contribution, judged by ``TRIAL_PATHS``."""
         known = self.units.get(signals is None)
@@ -116,6 +143,13 @@ class Tracer:
 
     def _sums(self, paths: int, seed: int, signals: np.ndarray | None, bits: int) -> np.ndarray:
         """Sums (R, L E) or (R, K) over paths, of contributions rounded to multiples of 2^-bits."""
+        sums = Contributions(self.regions, self.groups, self.products, self.light, signals, bits)
+        self._follow(paths, seed, lambda region: region, sums)
+        return sums.values()
+
+    def _follow(self, paths: int, seed: int, of_region: Callable[[Any], Any],
+                sums: Contributions | Encounters) -> None:
+        """Follow paths to their ends; ``of_region`` gives the row of the sums of each."""
         import drjit as dr
         import mitsuba as mi
 
@@ -126,16 +160,15 @@ class Tracer:
                                for table in (self.column, self.row, self.region))
         position = (mi.Point2f(column, row) + lattice.pair(mi.UInt32(1))) / mi.Point2f(*self.size)
         ray, _ = self.scene.sensors()[0].sample_ray(0.0, 0.5, position, mi.Point2f(0.5))
-        sums = Contributions(self.regions, self.groups, self.products, self.light, signals, bits)
+        row_of_sums = of_region(region)
         start = PathState(ray=mi.Ray3f(ray), throughput=mi.Float(1), product=mi.UInt32(0),
                           depth=mi.UInt32(0), previous=dr.zeros(mi.SurfaceInteraction3f),
                           bsdf_pdf=mi.Float(0), active=mi.Bool(True))
         dr.while_loop((start,), lambda path: path.active,
-                      lambda path: (self._next_vertex(path, region, lattice, sums),))
-        return sums.values()
+                      lambda path: (self._next_vertex(path, row_of_sums, lattice, sums),))
 
     def _next_vertex(self, path: PathState, region: Any, lattice: ShiftedLattice,
-                     sums: Contributions) -> PathState:
+                     sums: Contributions | Encounters) -> PathState:
         """The paths one vertex on."""
         import drjit as dr
         import mitsuba as mi
@@ -162,6 +195,8 @@ class Tracer:
         product = dr.gather(mi.UInt32, self.next_product, path.product * self.materials + material,
                             active)
         active &= product < self.products
+        if isinstance(sums, Encounters):
+            sums.meet(region, path.depth, material, active)
 
         # ----------------------------- emitter sampling ------------------------------
         # ``received`` is radiance / pdf; the cosine of the bounce is part of the BSDF's value.
@@ -374,3 +409,42 @@ class Contributions:
     def values(self) -> np.ndarray:
         """The sums (R, L E) or (R, K)."""
         return np.array(self.buffer).reshape(self.regions, -1) * 2.0**-self.bits
+
+
+class Encounters:
+    """What each path meets, and what it contributes, path by path.
+
+    Parameters
+    ----------
+    paths, bounces, materials : int
+    """
+
+    def __init__(self, paths: int, bounces: int, materials: int) -> None:
+        import drjit as dr
+        import mitsuba as mi
+
+        self.paths, self.bounces = paths, bounces
+        self.met = dr.full(mi.UInt32, materials, paths * bounces)
+        self.contributed = dr.zeros(mi.Float, paths * (bounces + 1))
+
+    def meet(self, path: Any, depth: Any, material: Any, active: Any) -> None:
+        """Note the material (UInt32) that each active path (UInt32) meets after ``depth``
+        reflections.
+        """
+        import drjit as dr
+
+        dr.scatter(self.met, material, path * self.bounces + depth, active)
+
+    def add(self, path: Any, contribution: Any, emitter: Any, product: Any, active: Any) -> None:
+        """As of ``Contributions``, its region being the path and its product the number of
+        reflections.
+        """
+        import drjit as dr
+
+        dr.scatter_add(self.contributed, contribution, path * (self.bounces + 1) + product,
+                       active & (contribution > 0) & (product <= self.bounces))
+
+    def values(self) -> tuple[np.ndarray, np.ndarray]:
+        """Materials (paths, bounces) and contributions (paths, bounces + 1)."""
+        return (np.array(self.met).reshape(self.paths, self.bounces),
+                np.array(self.contributed).reshape(self.paths, self.bounces + 1))

@@ -24,8 +24,12 @@ from spectrabox.reconstruct.tracer.unit_scene import UnitScene
 
 MAX_BYTES = 2 << 30         # of memory for trace and fit; more is refused before it is allocated
 PILOT_PATHS = 1 << 19        # of all regions together, by which products are judged before pruning
+PILOT_ENTRIES = 1 << 24      # of a pilot's paths times their vertices
 BRIGHTEST = 0.9  # reflectance that no material is taken to exceed when products are judged
-DROPPED = 1e-4  # share of the pilot's signal, at that reflectance, whose products are dropped
+# Shares of the pilot's signal, at that reflectance, whose products are dropped: the first that
+# leaves no more than MAX_TERMS products times materials, whose fit takes about a minute.
+DROPPED = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
+MAX_TERMS = 200_000
 MAX_IMAGE_COEFFICIENTS = 1 << 23  # of all pixels of a picture, 28 bytes each while traced
 PRUNE_ABOVE = 512            # products: below, pruning saves less than its pilots cost
 
@@ -252,8 +256,8 @@ def kept_products(unit: UnitScene, region: np.ndarray,
     """Products (E, M) up to the scene's bounces, pruned where they are many, and the share of the
     signal lost at most.
 
-    One pilot picks the products, another says what is lost: the first has never encountered most of
-    what it drops.
+    Products are made as the paths of a pilot meet them, and not enumerated. Another pilot says what
+    is lost: the first has never met most of what it drops.
 
     Parameters
     ----------
@@ -262,16 +266,23 @@ def kept_products(unit: UnitScene, region: np.ndarray,
         0 and above where a pixel counts.
     seed : int
     """
-    exponents = interreflection.exponents_up_to(len(unit.materials), unit.bounces)
-    if len(exponents) <= PRUNE_ABOVE:
-        return exponents, 0.0
-    tracer = Tracer(unit, np.where(region >= 0, 0, -1), exponents)
+    materials, bounces = len(unit.materials), unit.bounces
+    if interreflection.product_count(materials, bounces) <= PRUNE_ABOVE:
+        return interreflection.exponents_up_to(materials, bounces), 0.0
+    tracer = Tracer(unit, np.where(region >= 0, 0, -1), None)
+    paths = min(PILOT_PATHS, 1 << max(int(np.log2(PILOT_ENTRIES / (bounces + 1))), 10))
     with all_cores():
-        picking, judging = (tracer.trace(PILOT_PATHS, seed + draw).sum(axis=1)
-                            for draw in (104729, 130363))
-    kept, _ = interreflection.prune(exponents, picking, BRIGHTEST, DROPPED)
-    bound = judging.sum(axis=0) * BRIGHTEST ** exponents.sum(axis=1)
-    return exponents[kept], float(bound[~kept].sum() / bound.sum())
+        picking, judging = (interreflection.encountered(*tracer.encounters(paths, seed + draw),
+                                                        materials) for draw in (104729, 130363))
+    for share in DROPPED:
+        kept = interreflection.pruned(*picking, BRIGHTEST, share)
+        if kept.size <= MAX_TERMS:
+            break
+    exponents, contributions = judging
+    bound = contributions * BRIGHTEST ** exponents.sum(axis=1)
+    among = {row.tobytes() for row in kept.astype(exponents.dtype)}
+    lost = [row.tobytes() not in among for row in exponents]
+    return kept, float(bound[lost].sum() / bound.sum())
 
 
 def _schedule(spp: int, passes: int, pixels: int) -> tuple[int, int]:

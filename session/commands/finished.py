@@ -47,6 +47,7 @@ def relight(
     from spectrabox.measure.scene.box_camera import scene_of
     from spectrabox.measure.shoot.captures import stated_scene
     from spectrabox.session.outputs.run_outputs import require_results
+    from spectrabox.session.outputs.session_results import picture_folder
     from spectrabox.session.replayed import OBSERVER
     from spectrabox.session.replayed import relight as render_under
     from spectrabox.session.store.locks import outputs_writer
@@ -54,7 +55,8 @@ def relight(
     scene = scene_of(stated_scene(config, config.inputs))
     size = (width, max(round(width * scene.height / scene.width), 1))
     xyz, picture, colours, notes = render_under(
-        finished, light=light, observer=observer or OBSERVER, size=size, spp=spp, device=device)
+        finished, light=light, observer=observer or OBSERVER, size=size, spp=spp, device=device,
+        pictures=config.folder / picture_folder(config))
     label = re.sub(r"[^\w.-]", "-", Path(light or "session").stem)
     png = out or folder / f"relit {label}.png"
     with outputs_writer(config.folder):     # two pictures that belong together

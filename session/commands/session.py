@@ -82,6 +82,7 @@ def new(
 def check(folder: command_line.Folder,
           allow_outside: command_line.Outside = False) -> command_line.Answer:
     """Check a session before a run: read every input, and list everything that is wrong."""
+    from spectrabox.measure import texts
     from spectrabox.radiometry.spectra.cameras import known_camera_words
     from spectrabox.radiometry.system.archives import free_memory
     from spectrabox.session.problems import check_session
@@ -90,13 +91,17 @@ def check(folder: command_line.Folder,
     sentences = [problem.sentence for problem in problems]
     text = "\n".join(f"- {sentence}"
                      for sentence in sentences) or "nothing is wrong: ready to run"
-    text = "\n".join(filter(None, [text, checked.sentence]))
+    text = "\n".join(filter(None, [text, *map(texts.says, checked.findings), checked.sentence]))
     if checked.known_camera is not None:
         text += f"\n{known_camera_words(checked.known_camera)}"
     memory = None if checked.tracing_bytes is None else {"tracing_bytes": checked.tracing_bytes,
                                                        "free_bytes": free_memory()}
+    forecast = checked.forecast
     exit_code = min((problem.exit_code for problem in problems), default=0)
     facts = {"ready": not problems, "problems": sentences, "memory": memory,
+             "engine": None if forecast is None else forecast.engine,
+             "seconds": None if forecast is None else forecast.seconds,
+             "findings": [texts.facts(one) for one in checked.findings],
              "known_camera": checked.known_camera}
     if problems:        # the keys that every command answers an error with
         facts |= {"error": "\n".join(sentences), "exit_code": exit_code}

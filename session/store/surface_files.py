@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.capture.photo.image_writers import write_exr, write_png
+from spectrabox.measure.pictures import texture_files
 from spectrabox.measure.records import SampleRecords
 from spectrabox.measure.results import capture_result, scene_result, surface_result
 from spectrabox.radiometry import appearance, errors, grid
@@ -154,7 +155,7 @@ def write_surface_files(result: capture_result.CaptureResult, folder: Path,
 
 
 def write_materials(result: scene_result.SceneResult, folder: Path, bsdfs: Mapping[str, str],
-                    scene: scene_file.SceneFile | None) -> Path:
+                    scene: scene_file.SceneFile | None, pictures: Path) -> Path:
     """Write materials.xml of a scene, for Mitsuba.
 
     Parameters
@@ -165,6 +166,8 @@ def write_materials(result: scene_result.SceneResult, folder: Path, bsdfs: Mappi
         From names of materials to ids in the scene.
     scene : SceneFile or None
         Whose BSDFs the materials are; None of a measured box, where all are diffuse.
+    pictures : Path
+        Folder of the picture of spectra, whose textures are materials too.
 
     Returns
     -------
@@ -172,9 +175,11 @@ def write_materials(result: scene_result.SceneResult, folder: Path, bsdfs: Mappi
         The file.
     """
     file = folder / "materials.xml"
+    textures = {} if scene is None or result.picture is None else texture_files.textures_of(
+        result.picture.files, scene.surfaces, pictures)
     write_text_whole(
         file, scene_xml.materials_xml(*scene_result.bsdf_reflectances(result, bsdfs), scene,
-                                      folder))
+                                      folder, textures))
     return file
 
 

@@ -20,6 +20,7 @@ from spectrabox.measure import texts
 from spectrabox.measure.captured import (
     SceneCapture,
 )
+from spectrabox.measure.pictures.texture_files import textures_of
 from spectrabox.measure.plots import axes_for
 from spectrabox.measure.records import CalibrationRecords, CaptureRecords, ChartFit, KeptRecord
 from spectrabox.measure.results.scene_result import bsdf_reflectances, scene_result
@@ -71,10 +72,11 @@ class SceneSpectra(MeasuredSpectra):
     """
 
     def __init__(self, capture: SceneCapture, records: CaptureRecords,
-                 rehearsal: Rehearsed | None = None, picture_folder: str = "") -> None:
+                 rehearsal: Rehearsed | None = None, picture_folder: str = "",
+                 folder: Path = Path()) -> None:
         found = scene_result(capture, records, rehearsal, picture_folder)
         super().__init__(found, records.signals)
-        self.records = records
+        self.records, self._folder = records, folder
         self._stated_scene, self._bsdfs = capture.views[0].scene, capture.bsdfs
 
     @property
@@ -100,7 +102,8 @@ class SceneSpectra(MeasuredSpectra):
         -------
         Path
             Of the file. Coats, metals, camera, film and lights are those of the scene; meshes are
-            named as they are seen from there.
+            named as they are seen from there, and so are the textures of a picture of spectra:
+            Mitsuba renders them after ``register_spectral_texture``.
 
         Raises
         ------
@@ -115,8 +118,15 @@ class SceneSpectra(MeasuredSpectra):
         scene = stated if isinstance(stated, SceneFile) else scene_of_text(
             self.records.reconstruct.box_scenes[""], stated.path)
         write_text_whole(target, recovered_xml(
-            scene, *bsdf_reflectances(self.found, self._bsdfs), target.parent))
+            scene, *bsdf_reflectances(self.found, self._bsdfs), target.parent,
+            self._textures(scene)))
         return target
+
+    def _textures(self, scene: SceneFile) -> dict[str, Path]:
+        """Files of the textures that a picture of spectra found, by surface."""
+        picture = self.found.picture
+        return {} if picture is None else textures_of(picture.files, scene.surfaces,
+                                                      self._folder / self.found.picture_folder)
 
     def plot_agreement(self, ax: Axes | None = None) -> Axes:
         """The relative residual (photo - rendering) / photo, mean over the bands.
@@ -145,7 +155,8 @@ class SceneSpectra(MeasuredSpectra):
 def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, light: arguments.LightLike,
                       materials: Sequence[str] | Mapping[str, KnownSpectrum | None],
                       camera: arguments.CameraLike | None = None, chart_photo: str | Path | Photo
-                      | None = None, chart_scene: str | Path | None = None,
+                      | None = None, lights: Mapping[str, arguments.LightLike | float] | None
+                      = None, chart_scene: str | Path | None = None,
                       layout: str | Path | Chart | None = None, reference: str | None = None,
                       flat_field: str | Path | None = None,
                       families: Mapping[str, str | Sequence[str]] | None = None,
@@ -166,6 +177,8 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, light: ar
     scene : path
         Mitsuba XML: geometry, camera and light in their positions; reflectances are placeholders.
     light : path, name, (nm, values) or Spectrum
+        Of the scene's light; of several, of the strongest. The others are as strong and as coloured
+        beside it as the scene states them.
     materials : sequence of str, or mapping
         Ids of the BSDFs; a mapping gives the reflectance of those that are known: a file, or
         (nm, values), None where it is to be estimated. A known one tells the strength of the light.
@@ -174,6 +187,9 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, light: ar
         it the camera is fitted to ``chart_photo``, as in a session.
     chart_photo : path or Photo, optional
         The chart under the same light, by the same camera.
+    lights : mapping, optional
+        By id, lights that the scene states wrongly: their spectrum in the unit of ``light``, or how
+        many times as strong as ``light`` they are.
     chart_scene : path, optional
         Mitsuba XML with the light and a rectangle of id "chart" in their positions: then the chart
         photo tells the strength of the light too.
@@ -246,7 +262,10 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, light: ar
         "session": {"name": "", "seed": seed},
         "photos": {"object": stated.photo(opened), "chart": stated.photo(chart_photo),
                    "flat": stated.photo(flat_field)},
-        "light": {"spectrum": stated.light(light)},
+        "light": {"spectrum": stated.light(light), "by_id": {
+            name: stated.light((spectrum.grid.nm, own * spectrum.values)
+                               if isinstance(own, int | float) else own)
+            for name, own in (lights or {}).items()}},
         "chart": stated.chart(layout, reference) | {
             "scene": None if chart_scene is None else str(chart_scene)},
         "scene": {"file": str(scene)},

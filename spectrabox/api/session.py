@@ -111,12 +111,12 @@ class Session(Mapping[str, estimate.Estimate]):
             If the session has not been run.
         """
         run = kept_stages.load_finished(self.config)
+        pictures = session_results.picture_folder(self.config)
         if isinstance(run.capture, captured.FlatCapture):
-            return flat.FlatSpectra(run.capture, run.records,
-                                    session_results.picture_folder(self.config))
+            return flat.FlatSpectra(run.capture, run.records, pictures)
         return scene.SceneSpectra(run.capture, run.records,
-                                  rehearsals.stored_rehearsal(self.config),
-                                  session_results.picture_folder(self.config))
+                                  rehearsals.stored_rehearsal(self.config), pictures,
+                                  self.config.folder)
 
     @property
     def verdict(self) -> str:
