@@ -230,6 +230,7 @@ CHART: dict[str, Text] = {
 # ---- calibration ---------------------------------------------------------------------------------
 
 CLEAR_KIND, SECOND_KIND = 0.9, 0.25     # probability: one kind of light is named, or two
+KIND_WORDS = {"led": "LED light", "halogen": "halogen light", "fluorescent": "fluorescent light"}
 AGAINST_COPIES = "Chart against copies of its edition{where}"
 CHECK_LIGHT = "Check that the light spectrum is that of the photo."
 CHECK_CHART = ("Measure the chart and give that file as its reference, replace it, or leave these "
@@ -240,9 +241,9 @@ RESIDUAL_LIMITS = "pass up to {passes:percent0}, fail beyond {fails:percent0}"
 def _fit(name: str) -> Text:
     """How a fit ended, by the value "outcome"."""
     return Text(f"{name}{{where}}", lambda values:
-                f"{name}{values['where']}: {OUTCOMES[values['outcome']]}",
-                shown=lambda values: values["outcome"].replace("-", " "),
-                limit="converged")
+                f"{name}{values['where']}: {continued(OUTCOMES[values['outcome']])}",
+                shown=lambda values: "solved, partly left open" if values["outcome"] == "ill-posed"
+                else values["outcome"].replace("-", " "), limit="solved")
 
 
 def _doubt(name: str, sentence: Template, remedy: str) -> Text:
@@ -263,7 +264,7 @@ def _photo(values: Mapping[str, Any]) -> str:
 def _kinds(values: Mapping[str, Any]) -> str:
     """The likeliest kinds of light with their probabilities."""
     ranked = sorted(values["kinds"].items(), key=lambda kind: -kind[1])[:2]
-    named = [f"{kind} ({words.percent(share, 0)})" for kind, share in ranked]
+    named = [f"{KIND_WORDS.get(kind, kind)} ({words.percent(share, 0)})" for kind, share in ranked]
     if len(named) == 1 or ranked[0][1] >= CLEAR_KIND:
         return named[0]
     return f"either {named[0]} or {named[1]}" if ranked[1][1] >= SECOND_KIND \
@@ -282,12 +283,10 @@ def _better_lamps(values: Mapping[str, Any]) -> str:
 
 def _departed_patches(values: Mapping[str, Any]) -> str:
     return "; ".join(
-        f"{row['patch']} reads {words.percent(abs(row['size']), 0)} ± "
+        f"{row['patch']} is {words.percent(abs(row['size']), 0)} ± "
         f"{words.percent(row['error'], 0)} " + (
-            ("low", "high") if row["reading"] == "level" else
-            ("low in the blue against the red (yellower)",
-             "high in the blue against the red (bluer)"))[row["size"] > 0]
-        + f", and copies differ by {words.percent(row['spread'], 0)}"
+            ("darker", "lighter") if row["reading"] == "level" else ("yellower", "bluer")
+        )[row["size"] > 0] + f" (copies differ by {words.percent(row['spread'], 0)})"
         for row in values["patches"])
 
 
@@ -318,8 +317,8 @@ def patch_reason(row: Mapping[str, Any]) -> str:
         f"reads {words.percent(abs(brighter), 0)} ± {words.percent(row['error'], 0)} "
         f"{'brighter' if brighter > 0 else 'darker'}")
     if row["reason"] == "level":
-        cause = "a reflection lies on it" if brighter > 0 else \
-            "a shadow lies across it, or it is soiled"
+        cause = "a reflection lies on it, or it is lighter than its reference" \
+            if brighter > 0 else "a shadow lies across it, or it is soiled"
         if row["dark"]:
             cause += ", or glare is not the same all over the chart"
         return f"{level} in all bands than the others make it: {cause}"
@@ -558,6 +557,10 @@ CALIBRATION: dict[str, Text] = {
         "its reference.",
         "Photograph raw, and check what was stated of light, filters and chart.",
         "ΔE00 {value:.1f}", "pass up to {passes:.0f}"),
+    "patches.unusual": Text(
+        "Chart patches", "Patches of the chart{where} are not quite what the others make of them, "
+        "as happens on faultless charts: {patches:reasons}.",
+        "Look at them, and leave out what is soiled or faded (chart.leave_out)."),
     "patches.glare": Text(
         "Chart patches", "Glare lies on the chart{where}: {patches:reasons}.",
         "Turn the chart or the lamp."),
@@ -981,11 +984,15 @@ def _count_of_misfits(values: Mapping[str, Any]) -> str:
 # ---- surfaces and their draws --------------------------------------------------------------------
 
 
+def _of_sampler(said: str, surface: str) -> str:
+    return f"Sampler of “{surface}”: {continued(said)}" if surface else said
+
+
 def _ended(said: str) -> Text:
     """How draws ended, of the surface that is the subject, or of one that need not be named."""
-    return Text("Sampler", lambda values: (
-        f"Sampler of “{values['subject']}”: " if values["subject"] else "")
-        + _filled_with(said, values), shown="with a reservation", limit="as intended")
+    return Text("Sampler", lambda values: _of_sampler(_filled_with(said, values),
+                                                      values["subject"]),
+                shown="with a reservation", limit="as intended")
 
 
 TESTED_ON = {"libraries": "measured libraries", "models": "models, no measured library",
@@ -1024,7 +1031,7 @@ LIGHT_REMEDY = ("Put the chart or a white card next to it, or photograph a white
 SURFACES: dict[str, Text] = {
     "draws.intended": Text(
         "Samplers", lambda values: f"Sampler of every estimated surface: "
-        f"{OUTCOMES[values['outcome']]}", shown="as intended", limit="as intended"),
+        f"{continued(OUTCOMES[values['outcome']])}", shown="as intended", limit="as intended"),
     **{f"draws.{outcome}": _ended(said) for outcome, said in OUTCOMES.items()},
     # of a signal by itself
     "signal.no-white": Text(
@@ -1174,7 +1181,7 @@ KNOWN_BY: dict[str, Template] = {
     "nothing": "nothing",
     "own-reflectances": "a file of its own reflectances",
     "copies": lambda values: f"the photo: {values['edition']}{_how_told(values)}, white "
-                             f"{values['white']:+.0%} against its copies",
+                             f"{100 * values['white']:+.0f} % against its copies",
     "reference": "the reference stated, published, not of this copy",
     "published": "published reflectances, not of this copy",
     "curves": "{source}",

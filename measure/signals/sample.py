@@ -131,7 +131,7 @@ def _estimate_from_draws(name: str, base: SpectralMeasurement, causes: Mapping[s
                                                options.seed) \
         if more else None
     return Estimate(
-        name, summary, base, causes, prior, draws, stated=capture.findings, solved=posterior,
+        name, summary, base, causes, prior, draws, of_signal=capture.findings, solved=posterior,
         from_more=bool(more) or twice is not None,
         bounds_from="the signal alone" if over_determined or options.keep else "all measurements",
         contradicting=None if contradicting is None else tuple(contradicting))
@@ -194,7 +194,7 @@ def _estimate_without_draws(capture: SignalCapture,
                 PRIOR_GRID, mean, deviation, lower, upper, bound_lower[row], bound_upper[row],
                 options.level, conditional_on, float(summary.next_measurement_nm[row])),
             replace(first, signal=y[row], noise_covariance=total[row]), own, prior,
-            stated=capture.findings, ended=outcome, family_shares=shares,
+            of_signal=capture.findings, ended=outcome, family_shares=shares,
             variance_shares=dict(zip((METAMERISM, *causes), summary.budget[row].tolist(),
                                      strict=True))))
     return estimates
