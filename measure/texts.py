@@ -448,9 +448,8 @@ CALIBRATION: dict[str, Text] = {
         f"{values['high']:.2f} of its mean.")),
     "calibration.glare": Text(
         "Glare on the chart", lambda values: (
-            f"Glare or a wrong black level{_photo(values)} of {words.percent(values['glare'], 0)} "
-            "of the brightest patch was estimated and subtracted."),
-        "Shade the lens and check the dark frame."),
+            f"{words.percent(values['glare'], 0)} of the brightest patch{_photo(values)}, as glare "
+            "or a wrong black level adds, was estimated and subtracted.")),
     "calibration.veil": _doubt(
         "Veiling glare on the chart", "Haze or glare of {veil:percent0} of the brightest patch "
         "veils the chart{where}: it was estimated and taken off, but a veil is seldom the same all "
@@ -553,8 +552,8 @@ CALIBRATION: dict[str, Text] = {
         limit="pass up to {passes:.0f}"),
     "patches.colours-off": Text(
         "Colours of chart patches left out{where}", f"{PATCH_COLOURS} The photo is not "
-        "proportional to light, a stated light or filter is another, or the chart is not that of "
-        "its reference.",
+        "proportional to light, light glares on the chart, a stated light or filter is another, or "
+        "the chart is not that of its reference.",
         "Photograph raw, and check what was stated of light, filters and chart.",
         "ΔE00 {value:.1f}", "pass up to {passes:.0f}"),
     "patches.unusual": Text(

@@ -134,7 +134,8 @@ def claims(findings: Iterable[Finding]) -> bool:
 
 def settled(findings: Iterable[Finding], ranking: Ranking, code: str) -> list[Finding]:
     """Findings of a chart photo, of which those that name a cause stay where its rivals are
-    excluded; in place of the others comes one with the causes that are not.
+    excluded; in place of the others comes one with the causes that are not, unless those that stay
+    name them already.
 
     Parameters
     ----------
@@ -153,7 +154,8 @@ def settled(findings: Iterable[Finding], ranking: Ranking, code: str) -> list[Fi
         # that a light is contradicted says itself what else may be
         right = set(named) <= set(causes) or (causes == (LIGHT,) and LIGHT in named)
         (doubts if claims([one]) and not right else kept).append(one)
-    if not doubts:
+    said = {cause for one in kept if claims([one]) for cause in CLAIMS[one.code]}
+    if not doubts or set(named) <= said:
         return kept
     left = [*CLAIMS[doubts[0].code], CHANCE] if named == (CHANCE,) else list(named)
     return [*kept, Finding(code, worst(doubts), doubts[0].subject, {
