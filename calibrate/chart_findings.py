@@ -116,7 +116,7 @@ def departures(copy: ChartCopy, names: Sequence[str], light: str = "") -> list[F
             "patches": beyond,
             "light": light if any(row["reading"] == "tint" for row in beyond) else ""}))
     if usual:
-        findings.append(Finding("copy.departs", Severity.NOTE, values={"patches": usual}))
+        findings.append(Finding("copy.departs", Severity.INFO, values={"patches": usual}))
     return findings
 
 

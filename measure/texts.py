@@ -321,17 +321,17 @@ def patch_reason(row: Mapping[str, Any]) -> str:
             if brighter > 0 else "a shadow lies across it, or it is soiled"
         if row["dark"]:
             cause += ", or glare is not the same all over the chart"
-        return f"{level} in all bands than the others make it: {cause}"
+        return f"{level} in all bands than the others make it ({cause})"
     if row["reason"] == "colour":
-        return ("its colour is not that of the reference: soiled, faded, of another generation of "
-                "the chart, or lit by a coloured reflection")
+        return ("its colour is not that of the reference (soiled, faded, of another generation of "
+                "the chart, or lit by a coloured reflection)")
     where = f"its spectrum is unusual for its signals at {row['low_nm']:g} to {row['high_nm']:g} nm"
     return f"{level} than the others make it, within chance; {where}" if level \
         else f"its signals agree with the reference; {where}"
 
 
 def _patch_reasons(patches: Sequence[Mapping[str, Any]]) -> str:
-    return "; ".join(f"{row['patch']} {patch_reason(row)}" for row in patches)
+    return "; ".join(f"{row['patch']}: {patch_reason(row)}" for row in patches)
 
 
 def _held_out(values: Mapping[str, Any]) -> str:
@@ -557,8 +557,9 @@ CALIBRATION: dict[str, Text] = {
         "Photograph raw, and check what was stated of light, filters and chart.",
         "ΔE00 {value:.1f}", "pass up to {passes:.0f}"),
     "patches.unusual": Text(
-        "Chart patches", "Patches of the chart{where} are not quite what the others make of them, "
-        "as happens on faultless charts: {patches:reasons}.",
+        "Chart patches", lambda values: f"Patches of the chart{values['where']} are not quite what "
+        "the others make of them, as happens on faultless charts." + "".join(
+            f" Patch {row['patch']}: {patch_reason(row)}." for row in values["patches"]),
         "Look at them, and leave out what is soiled or faded (chart.leave_out)."),
     "patches.glare": Text(
         "Chart patches", "Glare lies on the chart{where}: {patches:reasons}.",
@@ -1106,6 +1107,10 @@ SURFACES: dict[str, Text] = {
     "match.several": Text(
         "Match", "{fits} of {spectra} spectra give this signal and cannot be told apart.",
         "A photo under another light may part them (spectrabox advise)."),
+    "surface.untested": Text(
+        "band of untested coverage", "The band of “{subject}” is of untested coverage: most of "
+        "what it may be ({families:listed}) was judged on models alone, held too seldom, or not "
+        "judged."),
     "truth.not-given": Text(
         "Measured truth inside the band", "No measured spectrum was given to compare with.",
         shown="no truth given", limit="its level"),
@@ -1244,7 +1249,7 @@ def _exposed(values: Mapping[str, Any]) -> str:
 
 
 def _reading_at(values: Mapping[str, Any]) -> str:
-    return str(values["subject"]) or "a wavelength of its own"
+    return str(values["subject"]) or "the wavelength that tells most of it"
 
 
 ADVICE: dict[str, Text] = {
@@ -1263,8 +1268,10 @@ ADVICE: dict[str, Text] = {
     "advice.second-lamp": _action("a photo under {subject}",
                                   "Photograph once more under {subject}."),
     "advice.reading": Text(
-        lambda values: f"a reading at {_reading_at(values)}", lambda values:
-        f"Read the sample's reflectance at {_reading_at(values)} with an instrument.",
+        lambda values: f"{'a reading' if values['subject'] else 'a reading of each'} at "
+        f"{_reading_at(values)}", lambda values:
+        f"Read {'the sample' if values['subject'] else 'each surface'} at {_reading_at(values)} "
+        "with an instrument.",
         shown=lambda values: "one reading" if values["times"] == 1
         else f"{values['times']} readings"),
     "advice.matt": _action("stating that it is matt", "State that the sample is matt, if it is.",

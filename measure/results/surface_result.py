@@ -106,11 +106,6 @@ class SurfaceResult(estimate.Estimate):
         return extras.attempt("comparison of spectra that look alike",
                               lambda: metamer_pair(samples), None)
 
-    @property
-    def untested(self) -> bool:
-        """Whether most of what it may be was not certified on measured surfaces."""
-        return family_coverage.mostly_in_doubt(self.families)
-
     def facts(self) -> dict[str, Any]:
         """What is known, as plain numbers and sentences, by the keys of a region or a material of
         ``spectrabox run --json`` (docs/reference/json.md).
