@@ -32,7 +32,8 @@ TOLD = 2.0
 # the tests' small photos reach .022. Of a soiled white .02 to .06 are missing, a tone curve is off
 # by 2.6 to 3.5.
 LEFT_OUT_SHORT, LEFT_OUT_COLOUR = 0.03, 2.0
-AT_FAULT = {"patches.glare", "patches.unlike-reference", "patches.unlike-reference-or-light"}
+AT_FAULT = {"patches.unusual", "patches.glare", "patches.unlike-reference",
+            "patches.unlike-reference-or-light"}
 CHART_LIMITS = (0.03, 0.10)   # rms of (photo - predicted) / photo: passes up to, fails beyond
 
 
@@ -115,7 +116,7 @@ def departures(copy: ChartCopy, names: Sequence[str], light: str = "") -> list[F
             "patches": beyond,
             "light": light if any(row["reading"] == "tint" for row in beyond) else ""}))
     if usual:
-        findings.append(Finding("copy.departs", Severity.NOTE, values={"patches": usual}))
+        findings.append(Finding("copy.departs", Severity.INFO, values={"patches": usual}))
     return findings
 
 
@@ -209,14 +210,15 @@ def at_fault(patches: HeldOutPatches, names: Sequence[str], light: str = "") -> 
     if not named:
         return []
     values = {"patches": [patch_reason(patches, patch, names) for patch in named], "light": light}
+    if not any(abs(_brighter(patches, patch)[0]) > LARGE_DEPARTURE
+               for patch in np.flatnonzero(level).tolist()):
+        return [Finding("patches.unusual", Severity.NOTE, values=values)]
     code = "patches.unlike-reference"
     if all(level[patch] and _brighter(patches, patch)[0] > 0 for patch in named):
         code = "patches.glare"
     elif light and colour.any():
         code = "patches.unlike-reference-or-light"
-    matters = [patch for patch in np.flatnonzero(level).tolist()
-               if abs(_brighter(patches, patch)[0]) > LARGE_DEPARTURE]
-    return [Finding(code, Severity.WARN if matters else Severity.NOTE, values=values)]
+    return [Finding(code, Severity.WARN, values=values)]
 
 
 def of_patches(findings: Iterable[Finding]) -> tuple[Finding, ...]:

@@ -73,7 +73,7 @@ class Estimate:
         The one spectrum of the fit to the photo of a scene.
     given : (nm, reflectance) or None
         Of a surface whose spectrum is known.
-    stated : tuple of Finding
+    of_signal : tuple of Finding
         What was not stated of a signal, and what was taken instead.
     truth : Spectrum or None
         A measured reflectance to compare with.
@@ -100,7 +100,7 @@ class Estimate:
     samples: SpectrumSamples | None = None
     inverse_rendering: np.ndarray | None = None
     given: tuple[np.ndarray, np.ndarray] | None = None
-    stated: tuple[Finding, ...] = ()
+    of_signal: tuple[Finding, ...] = ()
     truth: Spectrum | None = None
     # what was solved before, so that it need not be solved again: the posterior, or how it ended,
     # the shares of families in it and of causes in its variance
@@ -352,7 +352,7 @@ class Estimate:
             shares, self.prior.stated, self.prior.certificates) if shares else ()
 
     @property
-    def tested(self) -> list[Finding]:
+    def _tested(self) -> list[Finding]:
         """What 95 % bands of these families held on unseen surfaces; none without the learnt prior.
         """
         if self.prior is None:
@@ -365,19 +365,19 @@ class Estimate:
     @property
     def certificate(self) -> str | None:
         """The same in a sentence; None without the learnt prior."""
-        return None if self.prior is None else texts.paragraph(self.tested)
+        return None if self.prior is None else texts.paragraph(self._tested)
 
     @property
     def caveats(self) -> tuple[str, ...]:
         """What was not stated of its signal, and what was taken instead, in sentences."""
-        return tuple(map(texts.says, self.stated))
+        return tuple(map(texts.says, self.of_signal))
 
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What was not stated, what contradicts it, how it ended and what it is conditional on, and
         on what surfaces its bands were tested.
         """
-        return (*self.stated, *(self.contradicting or ()), *self._ending, *self.tested)
+        return (*self.of_signal, *(self.contradicting or ()), *self._ending, *self._tested)
 
     @cached_property
     def scores(self) -> Scores | None:

@@ -28,6 +28,7 @@ from spectrabox.radiometry.records.scenes import Reconstruction, SurfaceAgreemen
 from spectrabox.radiometry.records.spectra import Outcome, UnknownLight
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.reconstruct import known_light, misfit
+from spectrabox.sampling.prior.family_coverage import mostly_in_doubt
 
 if TYPE_CHECKING:
     from spectrabox.measure.camera import CameraFit
@@ -62,6 +63,7 @@ ANOTHER_TRUTH = 4.0
 # Relative, of the level of the light: up to here it adds no more to a colour than bands do already
 LEVEL_KNOWN = 0.1
 SMALLEST_SPREAD = 0.002               # of white: what measured spectra repeat to
+UNTESTED = "surface.untested"
 
 
 # ---- the verdict ---------------------------------------------------------------------------------
@@ -146,15 +148,18 @@ class Verdict:
 
     @property
     def line(self) -> str:
-        """For a terminal."""
-        return f"verdict: {self.title}. {self.sentence}"
+        """For a terminal: several reasons each on a line of its own."""
+        if len(self.reasons) == 1:
+            return f"verdict: {self.title}. {self.sentence}"
+        return "\n- ".join([f"verdict: {self.title}", *self.reasons])
 
     @property
     def doubts(self) -> dict[str, tuple[str, ...]]:
-        """What speaks against each surface, by its name, as headings; only surfaces that have any.
+        """What speaks against each surface or its band, by its name, as headings; only surfaces
+        that have any.
         """
         doubts: dict[str, tuple[str, ...]] = {}
-        for one in self.problems:
+        for one in (*self.problems, *(one for one in self.findings if one.code == UNTESTED)):
             for surface in one.values.get("surfaces", ()):
                 doubts[surface] = tuple(dict.fromkeys((*doubts.get(surface, ()), texts.name(one))))
         return doubts
@@ -164,7 +169,7 @@ def findings_on(found: CaptureResult) -> tuple[Finding, ...]:
     """All that speaks for or against a result, and what is worth knowing of it."""
     return each_once((
         *found.kept, *processed(found), *chart_photos(found), *of_calibration(found),
-        *found.own_findings, *fits(found), *draws(found), *known_to(found),
+        *found.own_findings, *fits(found), *draws(found), *known_to(found), *untested(found),
         *truth_coverage(found), *stated_truths(found)))
 
 
@@ -219,6 +224,14 @@ def known_to(found: CaptureResult) -> Iterator[Finding]:
             "by_light": conditions.share_by(surface, conditions.LIGHT_CAUSES)})
 
 
+def untested(found: CaptureResult) -> list[Finding]:
+    """Surfaces of which most of what they may be was not certified on measured surfaces."""
+    return [Finding(UNTESTED, Severity.INFO, surface.name, {
+        "surfaces": [surface.name],
+        "families": [family.name for family in surface.families if family.in_doubt]})
+        for surface in found.surfaces if mostly_in_doubt(surface.families)]
+
+
 def truth_coverage(found: CaptureResult) -> list[Finding]:
     """How much of the measured spectra their bands hold."""
     tested = [(surface.scores.coverage, surface.summary.level) for surface in found.surfaces
@@ -251,8 +264,8 @@ def stated_truths(found: CaptureResult) -> list[Finding]:
 # ---- calibration ---------------------------------------------------------------------------------
 
 def of_calibration(found: CaptureResult) -> list[Finding]:
-    """Left-out patches, what the calibrations found, copies of charts, residuals of charts."""
-    return [*held_out_patches(found), *of_fits(found), *chart_agreement(found)]
+    """What the calibrations found, copies of charts, left-out patches, residuals of charts."""
+    return [*of_fits(found), *held_out_patches(found), *chart_agreement(found)]
 
 
 def of_fits(found: CaptureResult) -> list[Finding]:

@@ -230,6 +230,7 @@ CHART: dict[str, Text] = {
 # ---- calibration ---------------------------------------------------------------------------------
 
 CLEAR_KIND, SECOND_KIND = 0.9, 0.25     # probability: one kind of light is named, or two
+KIND_WORDS = {"led": "LED light", "halogen": "halogen light", "fluorescent": "fluorescent light"}
 AGAINST_COPIES = "Chart against copies of its edition{where}"
 CHECK_LIGHT = "Check that the light spectrum is that of the photo."
 CHECK_CHART = ("Measure the chart and give that file as its reference, replace it, or leave these "
@@ -240,9 +241,9 @@ RESIDUAL_LIMITS = "pass up to {passes:percent0}, fail beyond {fails:percent0}"
 def _fit(name: str) -> Text:
     """How a fit ended, by the value "outcome"."""
     return Text(f"{name}{{where}}", lambda values:
-                f"{name}{values['where']}: {OUTCOMES[values['outcome']]}",
-                shown=lambda values: values["outcome"].replace("-", " "),
-                limit="converged")
+                f"{name}{values['where']}: {continued(OUTCOMES[values['outcome']])}",
+                shown=lambda values: "solved, partly left open" if values["outcome"] == "ill-posed"
+                else values["outcome"].replace("-", " "), limit="solved")
 
 
 def _doubt(name: str, sentence: Template, remedy: str) -> Text:
@@ -263,7 +264,7 @@ def _photo(values: Mapping[str, Any]) -> str:
 def _kinds(values: Mapping[str, Any]) -> str:
     """The likeliest kinds of light with their probabilities."""
     ranked = sorted(values["kinds"].items(), key=lambda kind: -kind[1])[:2]
-    named = [f"{kind} ({words.percent(share, 0)})" for kind, share in ranked]
+    named = [f"{KIND_WORDS.get(kind, kind)} ({words.percent(share, 0)})" for kind, share in ranked]
     if len(named) == 1 or ranked[0][1] >= CLEAR_KIND:
         return named[0]
     return f"either {named[0]} or {named[1]}" if ranked[1][1] >= SECOND_KIND \
@@ -282,12 +283,10 @@ def _better_lamps(values: Mapping[str, Any]) -> str:
 
 def _departed_patches(values: Mapping[str, Any]) -> str:
     return "; ".join(
-        f"{row['patch']} reads {words.percent(abs(row['size']), 0)} ± "
+        f"{row['patch']} is {words.percent(abs(row['size']), 0)} ± "
         f"{words.percent(row['error'], 0)} " + (
-            ("low", "high") if row["reading"] == "level" else
-            ("low in the blue against the red (yellower)",
-             "high in the blue against the red (bluer)"))[row["size"] > 0]
-        + f", and copies differ by {words.percent(row['spread'], 0)}"
+            ("darker", "lighter") if row["reading"] == "level" else ("yellower", "bluer")
+        )[row["size"] > 0] + f" (copies differ by {words.percent(row['spread'], 0)})"
         for row in values["patches"])
 
 
@@ -318,21 +317,21 @@ def patch_reason(row: Mapping[str, Any]) -> str:
         f"reads {words.percent(abs(brighter), 0)} ± {words.percent(row['error'], 0)} "
         f"{'brighter' if brighter > 0 else 'darker'}")
     if row["reason"] == "level":
-        cause = "a reflection lies on it" if brighter > 0 else \
-            "a shadow lies across it, or it is soiled"
+        cause = "a reflection lies on it, or it is lighter than its reference" \
+            if brighter > 0 else "a shadow lies across it, or it is soiled"
         if row["dark"]:
             cause += ", or glare is not the same all over the chart"
-        return f"{level} in all bands than the others make it: {cause}"
+        return f"{level} in all bands than the others make it ({cause})"
     if row["reason"] == "colour":
-        return ("its colour is not that of the reference: soiled, faded, of another generation of "
-                "the chart, or lit by a coloured reflection")
+        return ("its colour is not that of the reference (soiled, faded, of another generation of "
+                "the chart, or lit by a coloured reflection)")
     where = f"its spectrum is unusual for its signals at {row['low_nm']:g} to {row['high_nm']:g} nm"
     return f"{level} than the others make it, within chance; {where}" if level \
         else f"its signals agree with the reference; {where}"
 
 
 def _patch_reasons(patches: Sequence[Mapping[str, Any]]) -> str:
-    return "; ".join(f"{row['patch']} {patch_reason(row)}" for row in patches)
+    return "; ".join(f"{row['patch']}: {patch_reason(row)}" for row in patches)
 
 
 def _held_out(values: Mapping[str, Any]) -> str:
@@ -449,9 +448,8 @@ CALIBRATION: dict[str, Text] = {
         f"{values['high']:.2f} of its mean.")),
     "calibration.glare": Text(
         "Glare on the chart", lambda values: (
-            f"Glare or a wrong black level{_photo(values)} of {words.percent(values['glare'], 0)} "
-            "of the brightest patch was estimated and subtracted."),
-        "Shade the lens and check the dark frame."),
+            f"{words.percent(values['glare'], 0)} of the brightest patch{_photo(values)}, as glare "
+            "or a wrong black level adds, was estimated and subtracted.")),
     "calibration.veil": _doubt(
         "Veiling glare on the chart", "Haze or glare of {veil:percent0} of the brightest patch "
         "veils the chart{where}: it was estimated and taken off, but a veil is seldom the same all "
@@ -554,14 +552,19 @@ CALIBRATION: dict[str, Text] = {
         limit="pass up to {passes:.0f}"),
     "patches.colours-off": Text(
         "Colours of chart patches left out{where}", f"{PATCH_COLOURS} The photo is not "
-        "proportional to light, a stated light or filter is another, or the chart is not that of "
-        "its reference.",
+        "proportional to light, light glares on the chart, a stated light or filter is another, or "
+        "the chart is not that of its reference.",
         "Photograph raw, and check what was stated of light, filters and chart.",
         "ΔE00 {value:.1f}", "pass up to {passes:.0f}"),
     "patches.errors-assumed": Text(
         "Errors of the patches", "{subject} states no errors of its signals: {error:percent} is "
         "assumed, as charts and photos have it.",
         "State others: columns named standard_error, or patch_errors=."),
+    "patches.unusual": Text(
+        "Chart patches", lambda values: f"Patches of the chart{values['where']} are not quite what "
+        "the others make of them, as happens on faultless charts." + "".join(
+            f" Patch {row['patch']}: {patch_reason(row)}." for row in values["patches"]),
+        "Look at them, and leave out what is soiled or faded (chart.leave_out)."),
     "patches.glare": Text(
         "Chart patches", "Glare lies on the chart{where}: {patches:reasons}.",
         "Turn the chart or the lamp."),
@@ -1022,12 +1025,15 @@ def _distance(values: Mapping[str, Any]) -> str:
             f"{values['distance']:.3f} off, and the signal is taken to err by as much")
 
 
+def _of_sampler(said: str, surface: str) -> str:
+    return f"Sampler of “{surface}”: {continued(said)}" if surface else said
+
+
 def _ended(said: str) -> Text:
     """How draws ended, of the surface that is the subject, or of one that need not be named."""
-    return Text("Sampler", lambda values: (
-        f"Sampler of “{values['subject']}”: " if values["subject"] else "")
-        + _filled_with(said, {"reached": _distance(values), **values}),
-        shown="with a reservation", limit="as intended")
+    return Text("Sampler", lambda values: _of_sampler(
+        _filled_with(said, {"reached": _distance(values), **values}), values["subject"]),
+                shown="with a reservation", limit="as intended")
 
 
 TESTED_ON = {"libraries": "measured libraries", "models": "models, no measured library",
@@ -1066,7 +1072,7 @@ LIGHT_REMEDY = ("Put the chart or a white card next to it, or photograph a white
 SURFACES: dict[str, Text] = {
     "draws.intended": Text(
         "Samplers", lambda values: f"Sampler of every estimated surface: "
-        f"{OUTCOMES[values['outcome']]}", shown="as intended", limit="as intended"),
+        f"{continued(OUTCOMES[values['outcome']])}", shown="as intended", limit="as intended"),
     **{f"draws.{outcome}": _ended(said) for outcome, said in OUTCOMES.items()},
     # of a signal by itself
     "signal.no-white": Text(
@@ -1142,6 +1148,10 @@ SURFACES: dict[str, Text] = {
     "match.several": Text(
         "Match", "{fits} of {spectra} spectra give this signal and cannot be told apart.",
         "A photo under another light may part them (spectrabox advise)."),
+    "surface.untested": Text(
+        "band of untested coverage", "The band of “{subject}” is of untested coverage: most of "
+        "what it may be ({families:listed}) was judged on models alone, held too seldom, or not "
+        "judged."),
     "truth.not-given": Text(
         "Measured truth inside the band", "No measured spectrum was given to compare with.",
         shown="no truth given", limit="its level"),
@@ -1216,7 +1226,7 @@ KNOWN_BY: dict[str, Template] = {
     "nothing": "nothing",
     "own-reflectances": "a file of its own reflectances",
     "copies": lambda values: f"the photo: {values['edition']}{_how_told(values)}, white "
-                             f"{values['white']:+.0%} against its copies",
+                             f"{100 * values['white']:+.0f} % against its copies",
     "reference": "the reference stated, published, not of this copy",
     "published": "published reflectances, not of this copy",
     "curves": "{source}",
@@ -1282,7 +1292,7 @@ def _exposed(values: Mapping[str, Any]) -> str:
 
 
 def _reading_at(values: Mapping[str, Any]) -> str:
-    return str(values["subject"]) or "a wavelength of its own"
+    return str(values["subject"]) or "the wavelength that tells most of it"
 
 
 ADVICE: dict[str, Text] = {
@@ -1301,8 +1311,10 @@ ADVICE: dict[str, Text] = {
     "advice.second-lamp": _action("a photo under {subject}",
                                   "Photograph once more under {subject}."),
     "advice.reading": Text(
-        lambda values: f"a reading at {_reading_at(values)}", lambda values:
-        f"Read the sample's reflectance at {_reading_at(values)} with an instrument.",
+        lambda values: f"{'a reading' if values['subject'] else 'a reading of each'} at "
+        f"{_reading_at(values)}", lambda values:
+        f"Read {'the sample' if values['subject'] else 'each surface'} at {_reading_at(values)} "
+        "with an instrument.",
         shown=lambda values: "one reading" if values["times"] == 1
         else f"{values['times']} readings"),
     "advice.matt": _action("stating that it is matt", "State that the sample is matt, if it is.",

@@ -134,8 +134,8 @@ def claims(findings: Iterable[Finding]) -> bool:
 
 def settled(findings: Iterable[Finding], ranking: Ranking, code: str) -> list[Finding]:
     """Findings of a chart photo, of which those that name a cause stay where its rivals are
-    excluded; in place of the others comes one with the causes that are not, but for notes that
-    chance alone explains.
+    excluded; in place of the others comes one with the causes that are not, unless those that stay
+    name them already.
 
     Parameters
     ----------
@@ -154,11 +154,11 @@ def settled(findings: Iterable[Finding], ranking: Ranking, code: str) -> list[Fi
         # that a light is contradicted says itself what else may be
         right = set(named) <= set(causes) or (causes == (LIGHT,) and LIGHT in named)
         (doubts if claims([one]) and not right else kept).append(one)
-    severity = worst(doubts)
-    if not doubts or (severity is Severity.NOTE and named == (CHANCE,)):
+    said = {cause for one in kept if claims([one]) for cause in CLAIMS[one.code]}
+    if not doubts or set(named) <= said:
         return kept
     left = [*CLAIMS[doubts[0].code], CHANCE] if named == (CHANCE,) else list(named)
-    return [*kept, Finding(code, severity, doubts[0].subject, {
+    return [*kept, Finding(code, worst(doubts), doubts[0].subject, {
         "causes": left, "doubts": {one.code: dict(one.values) for one in doubts}})]
 
 

@@ -117,6 +117,14 @@ def test_a_finding_that_names_a_cause_stays_only_where_its_rivals_are_excluded(n
     assert cause.values == {"causes": causes, "doubts": {"chart.veiled": dict(VEILED.values)}}
 
 
+def test_a_cause_that_is_named_already_is_not_named_twice():
+    glare = Finding("chart.glare", Severity.WARN, values={"glare": 0.05, "names": ["white 9.5"]})
+    ranking = chart_causes.Ranking({"veil": 30.0, "reflection": 3.0, "chance": 0.0})
+    assert chart_causes.settled([VEILED, glare], ranking, "chart.cause") == [VEILED]
+    alone, = chart_causes.settled([glare], ranking, "chart.cause")
+    assert (alone.code, alone.values["causes"]) == ("chart.cause", ["veil"])
+
+
 def test_every_cause_has_its_words_and_what_tells_it():
     assert set(texts.CAUSES) == {*chart_causes.CAUSES, chart_causes.CHANCE}
     for cause in texts.CAUSES:

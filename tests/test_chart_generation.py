@@ -102,7 +102,7 @@ def test_a_copy_is_at_fault_only_beyond_what_copies_differ_by(white, unlike):
     copy = replace(made, level=level, level_error=np.full(24, 0.005), tint=np.zeros(24))
     found = {one.code: one for one in chart_findings.departures(copy, CLASSIC.names)}
     assert ("copy.unlike" in found) == unlike
-    assert all(one.severity is (Severity.WARN if code == "copy.unlike" else Severity.NOTE)
+    assert all(one.severity is (Severity.WARN if code == "copy.unlike" else Severity.INFO)
                for code, one in found.items())
 
 

@@ -115,7 +115,7 @@ def test_a_scene(captured):
         flat_field=captured / "photos" / "flat.dng",
         materials=["white", "green", "red", "cube"], width=40, draws=1000)
     facts, said = with_words(result), command("run", captured)
-    assert facts["verdict"] == said["verdict"] and facts["surfaces"] == said["surfaces"]
+    assert facts["findings"] == said["findings"] and facts["surfaces"] == said["surfaces"]
     spectra = sb.Session(captured)
     for name in result:
         np.testing.assert_array_equal(spectra[name].mean, result[name].mean)

@@ -222,7 +222,8 @@ def test_patches_whose_colours_are_off_on_the_mean_are_a_warning(tilt, code, sev
     ({18: -0.05}, {}, None),                        # an error and a half: chance
     ({18: 0.3}, {}, "patches.glare"),
     ({18: -0.3}, {}, "patches.unlike-reference"),
-    ({}, {14: 1e-6}, "patches.unlike-reference"),
+    ({18: 0.02}, {14: 1e-6}, "patches.unusual"),     # 2 % within chance, and a colour alone
+    ({}, {14: 1e-6}, "patches.unusual"),
     ({18: 0.3}, {14: 1e-6}, "patches.unlike-reference")])
 def test_a_chart_at_fault_is_told_from_glare_on_it(brighter, colour, code):
     level, chance = np.zeros(24), np.ones(24)
@@ -233,13 +234,15 @@ def test_a_chart_at_fault_is_told_from_glare_on_it(brighter, colour, code):
     assert [one.code for one in found] == ([code] if code else [])
     # a colour alone is no evidence
     assert [one.severity for one in found] == ([] if code is None else [
-        Severity.WARN if brighter else Severity.NOTE])
-    named = sorted([*brighter, *colour]) if code else []
+        Severity.NOTE if code == "patches.unusual" else Severity.WARN])
+    named = sorted([patch for patch in brighter if abs(brighter[patch]) > 0.1] + [*colour]) \
+        if code else []
     for one in found:
         assert [row["patch"] for row in one.values["patches"]] == [
             CLASSIC.names[patch] for patch in named]
     # a stated light is named beside the chart, where colours are off and not levels alone
     under = chart_findings.at_fault(patches, CLASSIC.names, "CIE FL2")
-    assert ([one.code for one in under] == ["patches.unlike-reference-or-light"]) == bool(colour)
+    assert ([one.code for one in under] == ["patches.unlike-reference-or-light"]) \
+        == (bool(colour) and code != "patches.unusual")
     kept_out = dataclasses.replace(patches, excluded=np.isin(np.arange(24), named))
     assert not chart_findings.at_fault(kept_out, CLASSIC.names)

@@ -106,11 +106,6 @@ class SurfaceResult(estimate.Estimate):
         return extras.attempt("comparison of spectra that look alike",
                               lambda: metamer_pair(samples), None)
 
-    @property
-    def untested(self) -> bool:
-        """Whether most of what it may be was not certified on measured surfaces."""
-        return family_coverage.mostly_in_doubt(self.families)
-
     def facts(self) -> dict[str, Any]:
         """What is known, as plain numbers and sentences, by the keys of a region or a material of
         ``spectrabox run --json`` (docs/reference/json.md).
@@ -240,7 +235,7 @@ SURFACE_FACTS: tuple[Fact[SurfaceResult], ...] = (
     _of_scores("rmse_inverse_rendering", "the same of the one spectrum of inverse rendering",
                "RMSE inverse rendering", lambda rmse: f"{rmse:.4f}"),
     _of_scores("coverage_bounds", "share of wavelengths at which the exact bounds hold the truth"),
-    _of_scores("delta_e00_mean", "CIEDE2000 of the mean against the truth under D65", "dE00",
+    _of_scores("delta_e00_mean", "CIEDE2000 of the mean against the truth under D65", "ΔE00",
                lambda difference: f"{difference:.2f}"),
     Fact("next_measurement_nm", "wavelength in nm at which one more reading would narrow the band "
          "most", lambda surface: surface.next_reading_nm),

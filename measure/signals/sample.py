@@ -126,19 +126,19 @@ def _estimate_from_draws(name: str, base: SpectralMeasurement, causes: Mapping[s
     # More measurements than coefficients leave no spline to bound: the signal alone then does, as
     # wide as it may be.
     over_determined = len(measurement.signal) >= draws.coefficients.shape[1]
-    bounded, stated = base if over_determined else measurement, capture.findings
+    bounded, said = base if over_determined else measurement, capture.findings
     if posterior is not None and posterior.unreached is not None:
         own = slice(base.signal.size)
         bounded = posterior.measurement if not over_determined else replace(
             base, noise_covariance=base.noise_covariance + posterior.unreached[own, own])
         # it has an error after all
-        stated = tuple(each for each in stated if each.code != "signal.no-noise")
+        said = tuple(each for each in said if each.code != "signal.no-noise")
     summary = summarise(draws, bounded, options.level)
     contradicting = more_measurements.doubtful(base, more, capture.prior or load_prior(),
                                                options.seed) \
         if more else None
     return Estimate(
-        name, summary, base, causes, prior, draws, stated=stated, solved=posterior,
+        name, summary, base, causes, prior, draws, of_signal=stated, solved=posterior,
         from_more=bool(more) or twice is not None,
         bounds_from="the signal alone" if over_determined or options.keep else "all measurements",
         contradicting=None if contradicting is None else tuple(contradicting))
@@ -201,7 +201,7 @@ def _estimate_without_draws(capture: SignalCapture,
                 PRIOR_GRID, mean, deviation, lower, upper, bound_lower[row], bound_upper[row],
                 options.level, conditional_on, float(summary.next_measurement_nm[row])),
             replace(first, signal=y[row], noise_covariance=total[row]), own, prior,
-            stated=capture.findings, ended=outcome, family_shares=shares,
+            of_signal=capture.findings, ended=outcome, family_shares=shares,
             variance_shares=dict(zip((METAMERISM, *causes), summary.budget[row].tolist(),
                                      strict=True))))
     return estimates

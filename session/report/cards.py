@@ -51,7 +51,6 @@ def metamer_drawing(pair: MetamerPair) -> Markup:
 # ---- one card a surface --------------------------------------------------------------------------
 
 MAX_CAUSES, SMALL_SHARE = 3, 0.01     # of the spectrum's variance, named on a card
-UNTESTED = "band of untested coverage"
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +121,7 @@ def _card(number: int, index: int, surface: SurfaceResult, doubts: tuple[str, ..
     curves, pair = spectra.surface_curves(surface), surface.metamers
     told = () if surface.samples is None else surface.samples.findings  # where it is doubtful
     return Card(
-        f"material-{number}", index, surface, (*doubts, UNTESTED) if surface.untested else doubts,
+        f"material-{number}", index, surface, doubts,
         spectra.spectrum_figure(f"spectrum-{number}", surface),
         error_budget_bars(f"budget-{number}", surface),
         None if pair is None else metamer_drawing(pair), tuple(curves),

@@ -136,7 +136,7 @@ class SpectrumEstimates(Mapping[str, Estimate]):
 
     def __repr__(self) -> str:
         each = self._estimates.values()
-        lines = [f"  {dataclasses.replace(one, stated=())!r}" for one in each]
+        lines = [f"  {dataclasses.replace(one, of_signal=())!r}" for one in each]
         caveats = dict.fromkeys(caveat for one in each for caveat in one.caveats)
         return "\n".join([f"<{type(self).__name__}, {len(lines)} surfaces>", *lines, *caveats])
 
@@ -191,6 +191,13 @@ class MeasuredSpectra(SpectrumEstimates):
     def reasons(self) -> list[str]:
         """Why the verdict is no "pass", in sentences; the verdict's one sentence otherwise."""
         return self.found.verdict.reasons
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What was found, each with ``code``, ``severity``, ``subject`` and ``values``: what the
+        verdict is made of, and the same list as of the command.
+        """
+        return self.found.findings
 
     @property
     def methods(self) -> list[str]:

@@ -251,4 +251,4 @@ def match(signal: Estimate | ArrayLike,
         known = read_spectral_libraries([str(word) for word in words], signal.measurement.grid)
     found = matching.match_signal(signal.name, signal.measurement, known, arguments.as_prior(prior),
                          variation=variation, evidence_ratio=evidence_ratio)
-    return replace(found, findings=(*found.findings, *signal.stated))
+    return replace(found, findings=(*found.findings, *signal.of_signal))
