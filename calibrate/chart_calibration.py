@@ -90,12 +90,12 @@ class ChartCalibration(Record):
         """
         light = "" if self.calibration.products else self.calibration.light.source
         findings = doubts.told_apart(chart_findings.at_fault(patches, names, light), self.patches,
-                                  self.light_evidence)
+                                     self.light_evidence)
         # what the fit says already is not said twice
         known = worst(one for one in self.calibration.findings
                       if one.code == doubts.UNDECIDED_CAUSE)
         findings = [one for one in findings if one.code != doubts.UNDECIDED_CAUSE
-                 or one.severity.value > known.value]
+                    or one.severity.value > known.value]
         if self.copy is not None:
             findings += chart_findings.departures(self.copy, names, light)
         return findings

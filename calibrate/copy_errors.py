@@ -115,7 +115,7 @@ def _seen(signal: np.ndarray, clipped: np.ndarray, reflectances: np.ndarray,
         use = np.where(clipped[:, band], 0, 1 / error)[:, None]
         design[:, -1] = 1
         solution, _ = nnls(np.vstack([design * use, ROUGHNESS * nodes.size**2 * rough]),
-                        np.r_[use[:, 0] * measured / brightest, np.zeros(len(rough))])
+                           np.r_[use[:, 0] * measured / brightest, np.zeros(len(rough))])
         each = reflectances * weights_nm * (basis @ (solution[:-1] + 1e-6))
         shares[:, band] = each / each.sum(axis=1, keepdims=True)
         seen[:, band] = np.maximum(measured - solution[-1] * brightest,

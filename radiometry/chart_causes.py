@@ -115,7 +115,7 @@ def ranked(patches: PatchSignals, known: Mapping[str, float] | None = None) -> R
     chart = _Chart(patches, usable)
     ordinary = chart.evidence(_Model(lambda signal, _: signal, np.zeros(0)))
     evidence = {cause: _evidence(chart, models) - ordinary
-             for cause, models in _models(chart).items()}
+                for cause, models in _models(chart).items()}
     for cause, nats in (known or {}).items():
         evidence[cause] = max(evidence.get(cause, 0.0), 0.0) + nats
     evidence[CHANCE] = 0.0

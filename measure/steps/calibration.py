@@ -114,7 +114,7 @@ def calibrate_scene(capture: captured.SceneCapture, records: CaptureRecords,
     fits = dataclasses.replace(fits, calibrations=_with_lamp_error(capture, fits.calibrations))
     calibrated = _records(fits, charts, on_chart)
     return dataclasses.replace(calibrated, findings=(*_uneven_light(capture, charts, irradiance),
-                                               *calibrated.findings))
+                                                     *calibrated.findings))
 
 
 def _chart_photos(capture: captured.Capture, records: CaptureRecords,

@@ -304,7 +304,7 @@ def solve_posterior(prior: LogitMixture, measurement: SpectralMeasurement) -> Si
     learnt, evidence, novelty = state_posteriors.solve_in_states(prior, response, measurement)
     reached = novelty <= 1 or _reached(learnt)
     posterior = SignalPosterior(measurement, response, prior, learnt, evidence, prior, learnt,
-                            Outcome.FAMILIAR if novelty <= 1 else Outcome.UNFAMILIAR)
+                                Outcome.FAMILIAR if novelty <= 1 else Outcome.UNFAMILIAR)
     if reached and posterior.says(posterior.mean):
         return posterior
     smooth = smoothness_prior()

@@ -65,7 +65,7 @@ def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: li
     if isinstance(result, SceneResult) and isinstance(finished.capture, captured.SceneCapture):
         scene = finished.capture.views[0].scene
         files += [surface_files.write_materials(result, results.folder, finished.capture.bsdfs,
-                                  scene if isinstance(scene, SceneFile) else None),
+                                                scene if isinstance(scene, SceneFile) else None),
                   *write_box_scenes(config, finished.records.reconstruct.box_scenes)]
         pictures, fault = attempt("comparison of photo and rendering",
                                   lambda: surface_files.write_comparisons(result, results.folder),

@@ -70,7 +70,7 @@ def figure(words: str) -> Callable[[Callable[Arguments, Figure]],
         @functools.wraps(draw)
         def drawn(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Figure | MissingDrawing:
             drawing, failed = extras.attempt(f"picture of {words}", lambda: draw(*args, **kwargs),
-                                          None)
+                                             None)
             return cast(Figure, drawing) if failed is None else MissingDrawing(failed)
         return drawn
     return marked
