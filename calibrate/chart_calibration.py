@@ -89,16 +89,16 @@ class ChartCalibration(Record):
             Of its patches.
         """
         light = "" if self.calibration.products else self.calibration.light.source
-        found = doubts.told_apart(chart_findings.at_fault(patches, names, light), self.patches,
-                                  self.light_evidence)
+        findings = doubts.told_apart(chart_findings.at_fault(patches, names, light), self.patches,
+                                     self.light_evidence)
         # what the fit says already is not said twice
         known = worst(one for one in self.calibration.findings
                       if one.code == doubts.UNDECIDED_CAUSE)
-        found = [one for one in found if one.code != doubts.UNDECIDED_CAUSE
-                 or one.severity.value > known.value]
+        findings = [one for one in findings if one.code != doubts.UNDECIDED_CAUSE
+                    or one.severity.value > known.value]
         if self.copy is not None:
-            found += chart_findings.departures(self.copy, names, light)
-        return found
+            findings += chart_findings.departures(self.copy, names, light)
+        return findings
 
     @property
     def prior_influence(self) -> PriorInfluence | None:
@@ -142,11 +142,11 @@ def calibrate_chart(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Wave
         If chart and light do not determine the curves (see ``fit_sensitivities``).
     """
     chosen = CalibrationOptions() if options is None else options
-    made = _calibrated(photos, grid, chosen)
-    if made.copy is None or made.copy.edition == photos[0].editions[0].name:
-        return made
-    return _calibrated([chart_copy.of_edition(photo, made.copy.edition) for photo in photos], grid,
-                       chosen)
+    calibrated = _calibrated(photos, grid, chosen)
+    if calibrated.copy is None or calibrated.copy.edition == photos[0].editions[0].name:
+        return calibrated
+    return _calibrated([chart_copy.of_edition(photo, calibrated.copy.edition) for photo in photos],
+                       grid, chosen)
 
 
 def _calibrated(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.WavelengthGrid,

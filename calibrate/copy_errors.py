@@ -114,11 +114,11 @@ def _seen(signal: np.ndarray, clipped: np.ndarray, reflectances: np.ndarray,
         error = np.maximum(measured, DARK_SHARE * brightest) / brightest
         use = np.where(clipped[:, band], 0, 1 / error)[:, None]
         design[:, -1] = 1
-        found, _ = nnls(np.vstack([design * use, ROUGHNESS * nodes.size**2 * rough]),
-                        np.r_[use[:, 0] * measured / brightest, np.zeros(len(rough))])
-        each = reflectances * weights_nm * (basis @ (found[:-1] + 1e-6))
+        solution, _ = nnls(np.vstack([design * use, ROUGHNESS * nodes.size**2 * rough]),
+                           np.r_[use[:, 0] * measured / brightest, np.zeros(len(rough))])
+        each = reflectances * weights_nm * (basis @ (solution[:-1] + 1e-6))
         shares[:, band] = each / each.sum(axis=1, keepdims=True)
-        seen[:, band] = np.maximum(measured - found[-1] * brightest,
+        seen[:, band] = np.maximum(measured - solution[-1] * brightest,
                                    DARK_SHARE / 10 * brightest)
     return seen, shares
 

@@ -114,12 +114,12 @@ def ranked(patches: PatchSignals, known: Mapping[str, float] | None = None) -> R
     usable = np.isfinite(patches.signal).all(axis=1) & (patches.expected > 0).all(axis=1)
     chart = _Chart(patches, usable)
     ordinary = chart.evidence(_Model(lambda signal, _: signal, np.zeros(0)))
-    found = {cause: _evidence(chart, models) - ordinary
-             for cause, models in _models(chart).items()}
+    evidence = {cause: _evidence(chart, models) - ordinary
+                for cause, models in _models(chart).items()}
     for cause, nats in (known or {}).items():
-        found[cause] = max(found.get(cause, 0.0), 0.0) + nats
-    found[CHANCE] = 0.0
-    return Ranking(dict(sorted(found.items(), key=lambda one: -one[1])))
+        evidence[cause] = max(evidence.get(cause, 0.0), 0.0) + nats
+    evidence[CHANCE] = 0.0
+    return Ranking(dict(sorted(evidence.items(), key=lambda one: -one[1])))
 
 
 def claims(findings: Iterable[Finding]) -> bool:

@@ -26,15 +26,16 @@ def examine(device: str = "auto") -> dict[str, Any]:
     Dr.Jit is tried in a process of its own, since a wrong LLVM aborts the process that loads it.
     """
     problems: list[str] = []
-    found = llvm.find_llvm()
-    if found is None:
+    library = llvm.find_llvm()
+    if library is None:
         try:
             llvm.ensure_llvm()
         except EnvironmentProblem as error:
             problems.append(str(error))
-    variant = _probe_variant(device, problems) if found is not None or device == "cuda" else None
+    variant = _probe_variant(device, problems) if library is not None or device == "cuda" else None
     return {"ready": not problems, "problems": problems, "variant": variant,
-            "llvm": None if found is None else {"version": found[1], "library": found[0].name},
+            "llvm": None if library is None else {"version": library[1],
+                                                  "library": library[0].name},
             "cores": os.cpu_count(), "python": sys.version.split()[0], "versions": versions()}
 
 

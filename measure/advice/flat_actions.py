@@ -165,9 +165,9 @@ def with_level(unknown: forecast.Unknown) -> forecast.Unknown:
                                   np.full(1, -1.0), ("",), np.ones(1), np.zeros((1, 1)),
                                   np.full((1, 1, 1), variance))
     seen = np.isfinite(now.signal[0])
-    found = variance * signal[seen] @ np.linalg.solve(
+    level_mean = variance * signal[seen] @ np.linalg.solve(
         forecast.total_covariance(now)[np.ix_(seen, seen)], forecast.left_errors(unknown)[seen])
-    return replace(unknown, variables=np.r_[unknown.variables, found], signals=replace(
+    return replace(unknown, variables=np.r_[unknown.variables, level_mean], signals=replace(
         now, states=(spectra.independent_states(states, level),),
         errors=tuple(error for error in now.errors if error.cause != error_model.SAMPLE_PLANE)))
 

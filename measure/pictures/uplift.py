@@ -11,6 +11,7 @@ import numpy as np
 
 from spectrabox.capture.photo.image_rows import PictureRows
 from spectrabox.measure.pictures import pixel_spectra
+from spectrabox.measure.signals.options import PIXEL_NOISE
 from spectrabox.radiometry import error_model, errors
 from spectrabox.sampling.prior import mixture, uplift_table
 from spectrabox.sampling.spectral_measurement import check_bands
@@ -72,7 +73,7 @@ class ImageSource:
 
 
 def uplift_image(image: np.ndarray, relative_response: np.ndarray, prior: mixture.LogitMixture,
-                 noise: float = 0.01, *, white: np.ndarray | None = None,
+                 noise: float = PIXEL_NOISE, *, white: np.ndarray | None = None,
                  kept: pixel_spectra.KeptWavelengths | None = None, side: int = uplift_table.SIDE,
                  progress: uplift_table.Progress = lambda share: None,
                  map_parts: uplift_table.MapParts = map) -> tuple[np.ndarray, np.ndarray]:

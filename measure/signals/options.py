@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+PIXEL_NOISE = 0.01      # relative standard error of a pixel of a picture that is uplifted
 
 @dataclass(frozen=True)
 class SampleOptions:

@@ -138,7 +138,7 @@ def _estimate_from_draws(name: str, base: SpectralMeasurement, causes: Mapping[s
                                                options.seed) \
         if more else None
     return Estimate(
-        name, summary, base, causes, prior, draws, of_signal=stated, solved=posterior,
+        name, summary, base, causes, prior, draws, of_signal=said, solved=posterior,
         from_more=bool(more) or twice is not None,
         bounds_from="the signal alone" if over_determined or options.keep else "all measurements",
         contradicting=None if contradicting is None else tuple(contradicting))

@@ -112,9 +112,9 @@ def calibrate_scene(capture: captured.SceneCapture, records: CaptureRecords,
     if irradiance is None:
         return _records(fits, charts, on_chart)
     fits = dataclasses.replace(fits, calibrations=_with_lamp_error(capture, fits.calibrations))
-    made = _records(fits, charts, on_chart)
-    return dataclasses.replace(made, findings=(*_uneven_light(capture, charts, irradiance),
-                                               *made.findings))
+    calibrated = _records(fits, charts, on_chart)
+    return dataclasses.replace(calibrated, findings=(*_uneven_light(capture, charts, irradiance),
+                                                     *calibrated.findings))
 
 
 def _chart_photos(capture: captured.Capture, records: CaptureRecords,

@@ -318,13 +318,13 @@ def solve_posterior(prior: LogitMixture, measurement: SpectralMeasurement) -> Si
     response = spectral_measurement.response_on(measurement, PRIOR_GRID)
     learnt, evidence, novelty = state_posteriors.solve_in_states(prior, response, measurement)
     reached = novelty <= 1 or _reached(learnt)
-    found = SignalPosterior(measurement, response, prior, learnt, evidence, prior, learnt,
-                            Outcome.FAMILIAR if novelty <= 1 else Outcome.UNFAMILIAR)
-    if reached and found.says(found.mean):
-        return found
+    posterior = SignalPosterior(measurement, response, prior, learnt, evidence, prior, learnt,
+                                Outcome.FAMILIAR if novelty <= 1 else Outcome.UNFAMILIAR)
+    if reached and posterior.says(posterior.mean):
+        return posterior
     smooth = smoothness_prior()
     wider, _, _ = state_posteriors.solve_in_states(smooth, response, measurement)
-    widened = replace(found, prior=smooth, parts=wider)
+    widened = replace(posterior, prior=smooth, parts=wider)
     outcome = Outcome.UNSAID if reached or not widened.says(widened.mean) \
         else Outcome.BEYOND_LEARNT
     if not _reached(wider):

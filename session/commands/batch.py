@@ -38,20 +38,13 @@ def batch(
     quiet: command_line.Quiet = False,
 ) -> command_line.Answer:
     """Run many sessions, several at a time, and write one page of all verdicts."""
+    from spectrabox.session.batch import overview, tasks
     from spectrabox.session.batch.batch import kept_outcomes, run_batch, session_folders
-    from spectrabox.session.batch.overview import (
-        BatchProgress,
-        batch_facts,
-        batch_text,
-        program_of_batch,
-        write_page,
-    )
-    from spectrabox.session.batch.tasks import Order
     from spectrabox.session.batch.workers import open_workers
     from spectrabox.session.store.locks import sole_user
     from spectrabox.session.terminal.progress_display import progress_display
-    order = Order(tuple(session_folders(folders, listed)), out.resolve(), device, allow_outside,
-                  program_of_batch())
+    order = tasks.Order(tuple(session_folders(folders, listed)), out.resolve(), device,
+                        allow_outside, overview.program_of_batch())
     with sole_user(order.out):
         outcomes = kept_outcomes(order)
         kept, waiting = len(outcomes), [each for each in order.folders if each not in outcomes]
@@ -62,14 +55,14 @@ def batch(
                 if pool.about and not quiet:
                     command_line.tell(pool.about)
                 used = pool.capacity().workers
-                progress = BatchProgress(show, len(order.folders), kept,
-                                         not quiet and not sys.stderr.isatty())
+                progress = overview.BatchProgress(show, len(order.folders), kept,
+                                                  not quiet and not sys.stderr.isatty())
                 for outcome in run_batch(order, waiting, pool):
                     outcomes[Path(outcome.folder)] = outcome
                     progress.add(outcome)
         finally:    # also of what is done when Ctrl-C ends it
             ended = [outcomes[each] for each in order.folders if each in outcomes]
-            page = write_page(order.out, ended, len(order.folders))
+            page = overview.write_page(order.out, ended, len(order.folders))
     failed = [each.exit_code for each in ended if each.state == "failed"]
-    return command_line.Answer(batch_facts(ended, kept, page, used), batch_text(ended, kept, page),
-                  min(failed, default=0))
+    return command_line.Answer(overview.batch_facts(ended, kept, page, used),
+                               overview.batch_text(ended, kept, page), min(failed, default=0))

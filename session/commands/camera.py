@@ -135,13 +135,12 @@ def prior(
 ) -> command_line.Answer:
     """Build a prior on sensitivities from a folder of measured cameras."""
     command_line.check_ending(out, PRIORS)
-    from spectrabox.calibrate.prior.camera_prior import save_camera_prior
-    from spectrabox.calibrate.prior.learnt_prior import build_prior, read_camera_database
-    database = read_camera_database(folder)
+    from spectrabox.calibrate.prior import camera_prior, learnt_prior
+    database = learnt_prior.read_camera_database(folder)
     count = len(database.names)
-    learnt = build_prior(database.nm, database.curves, database.names, licence=licence,
-                         source=source or f"{count} cameras of {folder.name}")
-    save_camera_prior(out, learnt)
+    learnt = learnt_prior.build_prior(database.nm, database.curves, database.names, licence=licence,
+                                      source=source or f"{count} cameras of {folder.name}")
+    camera_prior.save_camera_prior(out, learnt)
     families = [members for members, level in zip(learnt.members, learnt.level, strict=True)
                 if level == 0]
     return command_line.Answer({"file": out, "cameras": database.names, "skipped": database.skipped,
@@ -205,14 +204,10 @@ def add(
 @command_line.Command
 def list_cameras() -> command_line.Answer:
     """Names of the cameras and observers that --sensitivity takes, such as \"Nikon D810\"."""
-    from spectrabox.radiometry.published.published_tables import (
-        CAMERAS,
-        OBSERVERS,
-        published_names,
-    )
+    from spectrabox.radiometry.published import published_tables
     from spectrabox.radiometry.spectra.cameras import own_cameras
-    own, measured = own_cameras(), published_names(CAMERAS)
-    published = published_names(OBSERVERS)
+    own, measured = own_cameras(), published_tables.published_names(published_tables.CAMERAS)
+    published = published_tables.published_names(published_tables.OBSERVERS)
     return command_line.Answer({"own": {name: str(path) for name, path in own.items()},
                    "measured": measured, "published": published},
                   "\n".join([*(f"{name}  (your own)" for name in own),

@@ -64,19 +64,14 @@ def chart(
     """Find the colour chart in a photo, and say whether the photo is good enough."""
     from spectrabox.capture.chart.detection import chart_overlay
     from spectrabox.capture.photo.image_writers import write_png
-    from spectrabox.measure import extras, texts
-    from spectrabox.measure.chart_patches import edition_in_photo, patch_columns, table_of_columns
+    from spectrabox.measure import chart_patches, extras, texts
     from spectrabox.radiometry.chart import excluded_patches
     from spectrabox.radiometry.files import write_text_whole
-    from spectrabox.session.camera.camera_files import (
-        chart_named,
-        numbers_of_patches,
-        read_layout,
-    )
-    image, known = _open(photo, encoded), read_layout(layout)
-    excluded = excluded_patches(numbers_of_patches(leave_out), known, "--leave-out")
+    from spectrabox.session.camera import camera_files
+    image, known = _open(photo, encoded), camera_files.read_layout(layout)
+    excluded = excluded_patches(camera_files.numbers_of_patches(leave_out), known, "--leave-out")
     try:
-        detection, verdict = chart_named(image, layout, reference, corners, excluded)
+        detection, verdict = camera_files.chart_named(image, layout, reference, corners, excluded)
     except CheckError as error:
         if debug or not as_json:
             raise
@@ -87,9 +82,9 @@ def chart(
     if overlay is not None:
         write_png(overlay, chart_overlay(image, detection))
     if out is not None:
-        write_text_whole(out, table_of_columns(patch_columns(
+        write_text_whole(out, chart_patches.table_of_columns(chart_patches.patch_columns(
             known, detection, verdict.samples, verdict.excluded)))
-    edition = edition_in_photo(image, known, verdict.samples, excluded)
+    edition = chart_patches.edition_in_photo(image, known, verdict.samples, excluded)
     verdict = replace(verdict, findings=(*verdict.findings, *edition.patches))
     failed = () if edition.failed is None else (edition.failed,)
     return command_line.Answer({**_facts(photo, image, known, detection, verdict),
@@ -119,13 +114,12 @@ def develop(
     flat-fielded; an EXR with its variance.
     """
     from spectrabox.capture.develop.developed import develop_photos
-    from spectrabox.capture.photo.image_writers import write_linear_exr
-    from spectrabox.capture.photo.preview import photo_orientation
+    from spectrabox.capture.photo import image_writers, preview
     from spectrabox.measure import texts
     command_line.check_ending(out, {".exr": "the signal in floating point"})
     image, findings = develop_photos(photos, dark, flat_field, not_linear)
     notes = [texts.says(finding) for finding in findings]
-    write_linear_exr(out, image, photo_orientation(photos[0]))
+    image_writers.write_linear_exr(out, image, preview.photo_orientation(photos[0]))
     facts = {**_photo_facts(image), "out": str(out), "notes": notes,
              "findings": [texts.facts(finding) for finding in findings],
              "size": [image.signal.shape[1], image.signal.shape[0]]}
@@ -137,14 +131,12 @@ def develop(
 
 
 def _open(photo: Path, encoded: bool | None) -> LinearImage:
-    from spectrabox.capture.photo.image_files import read_encoded_file
-    from spectrabox.capture.photo.linear import open_photo
-    from spectrabox.capture.photo.preview import photo_orientation, turned
-    from spectrabox.capture.photo.stored_images import is_image_file
+    from spectrabox.capture.photo import image_files, linear, preview, stored_images
     if encoded is None:
         encoded = photo.suffix.lower() in ENCODED_SUFFIXES
-    image = read_encoded_file(photo) if encoded and is_image_file(photo) else open_photo(photo)
-    return turned(image, photo_orientation(photo))
+    image = image_files.read_encoded_file(photo) \
+        if encoded and stored_images.is_image_file(photo) else linear.open_photo(photo)
+    return preview.turned(image, preview.photo_orientation(photo))
 
 
 def _photo_facts(image: LinearImage) -> dict[str, Any]:
@@ -159,15 +151,14 @@ def _photo_facts(image: LinearImage) -> dict[str, Any]:
 
 def _facts(photo: Path, image: LinearImage, chart: Chart, detection: ChartDetection,
            verdict: ChartVerdict) -> dict[str, Any]:
-    from spectrabox.measure import texts
-    from spectrabox.measure.chart_patches import angle_deg, centres_px
+    from spectrabox.measure import chart_patches, texts
     samples = verdict.samples
     return {"verdict": verdict.verdict, "reasons": texts.reasons(verdict.findings),
             "findings": [texts.facts(finding) for finding in verdict.findings],
             "names": chart.names,
             "corners_px": detection.corners_px.tolist(),
-            "centres_px": centres_px(detection).tolist(),
-            "angle_deg": angle_deg(detection, chart), "mean": samples.mean.tolist(),
+            "centres_px": chart_patches.centres_px(detection).tolist(),
+            "angle_deg": chart_patches.angle_deg(detection, chart), "mean": samples.mean.tolist(),
             "standard_error": samples.standard_error.tolist(),
             "spread": samples.spread.tolist(), "clipped": samples.clipped.tolist(),
             "mirrored": detection.mirrored, "confidence": detection.confidence,

@@ -46,18 +46,17 @@ def fit(
             f"{len(files)} files were given; two are needed: first without "
             "the filter, then with it")
     command_line.check_ending(out, WRITTEN)
-    from spectrabox.radiometry.errors import InputError
+    from spectrabox.radiometry import errors, grid
     from spectrabox.radiometry.files import write_text_whole
-    from spectrabox.radiometry.grid import FINE_GRID
     from spectrabox.radiometry.records.spectra import Quantity
     from spectrabox.radiometry.spectra.spectrum_files import table_text
 
     if out in files:
-        raise InputError(f"{out} is one of the given files; name another file")
+        raise errors.InputError(f"{out} is one of the given files; name another file")
     known = _of_readings(*files) if readings else _of_charts(*files, light, reference, layout)
     write_text_whole(out, table_text(
-        FINE_GRID.nm, {"transmittance": known.transmittance,
-                       "standard_error": known.standard_error},
+        grid.FINE_GRID.nm, {"transmittance": known.transmittance,
+                            "standard_error": known.standard_error},
         quantity=Quantity.RELATIVE, source=known.source))
     return command_line.Answer(known.facts() | {"file": out}, f"wrote {out}: {known.text()}")
 

@@ -188,14 +188,7 @@ def box(folder: command_line.Folder,
     from spectrabox.measure.captured import FIRST_PHOTO
     from spectrabox.measure.scene.box_camera import box_camera
     from spectrabox.measure.shoot.captures import box_photo
-    from spectrabox.session.box.box_overlay import (
-        box_texts,
-        box_views,
-        camera_facts,
-        camera_text,
-        write_overlays,
-    )
-    from spectrabox.session.box.scenes import write_box_scenes
+    from spectrabox.session.box import box_overlay, scenes
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.store.locks import outputs_writer
     config = read_session(folder, allow_outside)
@@ -203,14 +196,15 @@ def box(folder: command_line.Folder,
         raise InputError(f"{folder} has no [scene.box]: 'spectrabox new --template box' "
                          "writes a session that has one")
     cameras = {view.title: box_camera(box_photo(config, config.inputs, view))
-               for view in box_views(config)}
+               for view in box_overlay.box_views(config)}
     with outputs_writer(config.folder):
-        written = [*write_box_scenes(config, box_texts(config)), *write_overlays(config)]
-    by_view = {name: camera_facts(camera) for name, camera in cameras.items()}
+        written = [*scenes.write_box_scenes(config, box_overlay.box_texts(config)),
+                   *box_overlay.write_overlays(config)]
+    by_view = {name: box_overlay.camera_facts(camera) for name, camera in cameras.items()}
     facts = {"files": written, **by_view[FIRST_PHOTO], "views": by_view}
     return command_line.Answer(facts, "\n".join([
       *(line for name, camera in cameras.items()
-        for line in camera_text(name if len(cameras) > 1 else "", camera)),
+        for line in box_overlay.camera_text(name if len(cameras) > 1 else "", camera)),
       *(f"wrote {path}" for path in written)]))
 
 
@@ -228,16 +222,14 @@ def undistort(
     """Take the lens's distortion out of a photo: a linear EXR with its variance."""
     from spectrabox.calibrate.geometry.lens import read_lens
     from spectrabox.calibrate.geometry.projection import undistorted
-    from spectrabox.capture.photo.image_writers import write_linear_exr
-    from spectrabox.capture.photo.linear import open_photo
-    from spectrabox.capture.photo.preview import photo_orientation
+    from spectrabox.capture.photo import image_writers, linear, preview
     from spectrabox.radiometry.files import writable
     command_line.check_ending(out, {".exr": "the signal in floating point"})
     command_line.require_new(out, force, photo)
-    image = open_photo(photo)
+    image = linear.open_photo(photo)
     straight = undistorted(image, read_lens(lens_file))
     with writable(out.parent):
-        write_linear_exr(out, straight, photo_orientation(photo))
+        image_writers.write_linear_exr(out, straight, preview.photo_orientation(photo))
     lost = float(straight.saturated.all(axis=2).mean() - image.saturated.all(axis=2).mean())
     return command_line.Answer({"out": out,
                    "size": [straight.signal.shape[1], straight.signal.shape[0]],
@@ -295,11 +287,11 @@ def _known_points(image: LinearImage, points_file: Path | None,
 
 def _overlay(path: Path, image: LinearImage, given: np.ndarray, seen: np.ndarray) -> None:
     from spectrabox.calibrate.geometry.projection import points_overlay
-    from spectrabox.capture.photo.image_writers import write_png
-    from spectrabox.capture.photo.preview import signal_rgb8
+    from spectrabox.capture.photo import image_writers, preview
     from spectrabox.radiometry.files import writable
     with writable(path.parent):
-        write_png(path, points_overlay(signal_rgb8(image.signal), given, seen, image.sensor_step))
+        image_writers.write_png(
+            path, points_overlay(preview.signal_rgb8(image.signal), given, seen, image.sensor_step))
 
 
 def _lens_lines(lens: Lens) -> list[str]:

@@ -56,59 +56,48 @@ def light(
     as_json: command_line.Json = False,
 ) -> command_line.Answer:
     """Refine the position of a light, from a photo of surfaces of known reflectance."""
-    from spectrabox.capture.photo.linear import open_photo
-    from spectrabox.capture.photo.preview import bin_image, render_size
-    from spectrabox.radiometry.files import write_text_whole
+    from spectrabox.capture.photo import linear, preview
+    from spectrabox.radiometry import files, interreflection
     from spectrabox.radiometry.grid import visible_grid
-    from spectrabox.radiometry.interreflection import response_matrix
     from spectrabox.radiometry.records.spectra import Outcome
+    from spectrabox.radiometry.spectra import named_spectra, spectrum_files
     from spectrabox.radiometry.spectra.named_spectra import light as spectrum_of_light
-    from spectrabox.radiometry.spectra.named_spectra import sensitivities
-    from spectrabox.radiometry.spectra.spectrum_files import read_reflectances
     from spectrabox.reconstruct.rendering.renderer import start_mitsuba
-    from spectrabox.reconstruct.scene.box_scene import is_of_box
-    from spectrabox.reconstruct.scene.edit_scene import (
-        Refinement,
-        light_number,
-        rounded,
-        scene_with_light_moved,
-    )
-    from spectrabox.reconstruct.scene.light_position import PositionSettings, refine_light_position
-    from spectrabox.reconstruct.scene.scene_file import read_scene, require_same_shape
+    from spectrabox.reconstruct.scene import box_scene, edit_scene, light_position, scene_file
     from spectrabox.session.terminal.progress_display import progress_display
     command_line.check_ending(out, {".xml": "the scene with the light moved"})
     command_line.require_new(out, force, photo, reflectances)
     grid = visible_grid()
-    written = read_scene(scene)
-    number = light_number(written, light_id)
-    response = response_matrix(grid, sensitivities(sensitivity, grid),
-                               spectrum_of_light(light_spectrum, grid))
-    paints = read_reflectances(reflectances, grid)
-    image, _ = _undistorted(open_photo(photo), lens_file)
+    written = scene_file.read_scene(scene)
+    number = edit_scene.light_number(written, light_id)
+    response = interreflection.response_matrix(grid, named_spectra.sensitivities(sensitivity, grid),
+                                               spectrum_of_light(light_spectrum, grid))
+    paints = spectrum_files.read_reflectances(reflectances, grid)
+    image, _ = _undistorted(linear.open_photo(photo), lens_file)
     if image.signal.shape[2] != len(response):
         raise InputError(f"photo {photo.name} has {image.signal.shape[2]} bands and "
                          f"{sensitivity} has {len(response)} curves; one curve per band is "
                          "needed")
-    require_same_shape(image, written, photo.name)
-    size = render_size(image.signal.shape[1], image.signal.shape[0], width)
+    scene_file.require_same_shape(image, written, photo.name)
+    size = preview.render_size(image.signal.shape[1], image.signal.shape[0], width)
     start_mitsuba(device)
     with progress_display(as_json) as show:
-        estimate = refine_light_position(
-            written, paints, response, bin_image(image, *size), light_id,
-            PositionSettings(spp=spp, seed=seed),
+        estimate = light_position.refine_light_position(
+            written, paints, response, preview.bin_image(image, *size), light_id,
+            light_position.PositionSettings(spp=spp, seed=seed),
             lambda done, message: show("light", done, message))
-    refinement = Refinement(
+    refinement = edit_scene.Refinement(
         what="light", name=estimate.light,
         how="moved to explain the shading of surfaces of known reflectance in "
         f"{photo.name}; chi-square {estimate.chi_square:.2f} per degree of freedom, "
-        f"{estimate.chi_square_before:.2f} before",
-        moved=rounded(estimate.offset), standard_error=rounded(estimate.standard_error))
-    write_text_whole(out, scene_with_light_moved(
+        f"{estimate.chi_square_before:.2f} before", moved=edit_scene.rounded(estimate.offset),
+        standard_error=edit_scene.rounded(estimate.standard_error))
+    files.write_text_whole(out, edit_scene.scene_with_light_moved(
         scene, number, estimate.offset, out.parent, refinement))
     facts = command_line.to_json(estimate)
     facts["steps"] = len(facts.pop("offsets")) - 1
     return command_line.Answer({**facts, "out": out},
-                  _light_text(estimate, out, is_of_box(scene)),
+                  _light_text(estimate, out, box_scene.is_of_box(scene)),
                   ConvergenceError.exit_code if estimate.outcome is Outcome.STEP_LIMIT else 0)
 
 

@@ -120,24 +120,23 @@ def measure(
     where it stopped.
     """
     command_line.check_ending(plot, {".png": "a picture of the spectrum"}, "--plot")
+    from spectrabox.capture.meter import measurement_files, measurement_series
     from spectrabox.capture.meter.instruments.interface import MeterSettings
-    from spectrabox.capture.meter.measurement_files import claim
-    from spectrabox.capture.meter.measurement_series import read_calibration, white_standard
     from spectrabox.session.meters.measuring import Task, measure_all, series_of_all, write_result
     chart = _chart(role, layout)
     names = _names(role, name, chart)
     wanted = MeterSettings(integration_ms, averages, sync_hz)
     source = _source(port, instrument, program, ambient, wanted)
     reflects = _reflects(instrument, role)
-    factors = [read_calibration(text) for text in calibration]
-    standard = white_standard(white_reflectance)
+    factors = [measurement_series.read_calibration(text) for text in calibration]
+    standard = measurement_series.white_standard(white_reflectance)
     task = Task(folder / "spectra", role, names, repeat,
                 wait and (reflects or role == "chart"), calibrate, chart)
     if reflects and calibrate and not wait:
         raise typer.BadParameter("a calibration is asked for on the keyboard: leave out --no-wait, "
                                  "or say --no-calibrate to measure with the calibration that the "
                                  "instrument has", param_hint="--no-wait")
-    claim(task.spectra, role, names, reflects=reflects)
+    measurement_files.claim(task.spectra, role, names, reflects=reflects)
     if again:
         _set_aside(task.spectra, names)
     readings = measure_all(task, source, factors)
@@ -167,10 +166,9 @@ def replay(
     """Play a recorded transcript to the driver's own code and show what it reads."""
     command_line.check_ending(out, {".csv": "the spectra"})
     command_line.check_ending(plot, {".png": "a picture of the spectrum"}, "--plot")
-    from spectrabox.capture.transcripts.player import replay_transcript
-    from spectrabox.capture.transcripts.sniffed_traffic import read_recording
+    from spectrabox.capture.transcripts import player, sniffed_traffic
     from spectrabox.session.meters.measuring import reading_line, shown_reading
-    played = replay_transcript(read_recording(transcript), speed=speed)
+    played = player.replay_transcript(sniffed_traffic.read_recording(transcript), speed=speed)
     spectra = [reading.spectrum for reading in played.readings if reading.spectrum is not None]
     if plot is not None and spectra:
         from spectrabox.capture.meter.measurement_files import png_plot

@@ -10,6 +10,7 @@ from typing import Annotated, Literal, get_args
 
 import typer
 
+from spectrabox.measure.signals.options import PIXEL_NOISE
 from spectrabox.session.terminal import command_line
 
 OBSERVER = "CIE 1931 2 Degree Standard Observer"
@@ -86,7 +87,7 @@ class UpliftRequest:
     white: Annotated[str | None, typer.Option(
         metavar="V1,V2,V3", help="What a perfect white reads in each band; by default what the "
         "ColorChecker in the photo says, and 1 of a picture that is no camera raw.")] = None
-    noise: Annotated[float, typer.Option(help="Relative standard error of a pixel.")] = 0.01
+    noise: Annotated[float, typer.Option(help="Relative standard error of a pixel.")] = PIXEL_NOISE
     side: Annotated[int, typer.Option(
         help="Points per side of the table; 33 is finer and slower.")] = 25
     step: Annotated[int, typer.Option(

@@ -176,15 +176,15 @@ def uplift(request: requests.UpliftRequest) -> command_line.Answer:
         from spectrabox.measure.signals.signal_capture import OF_SRGB
         facts["caveat"] = texts.says(OF_SRGB)
         text += f"\n{texts.says(OF_SRGB)}"
-    found = [] if chart is None else [chart.finding]
-    doubts = faults(found)
+    findings = [] if chart is None else [chart.finding]
+    doubts = faults(findings)
     if chart is not None:
         text += f"\n{'warning: ' * bool(doubts)}{texts.says(chart.finding)}"
     return command_line.Answer(facts | {
         "white": white, "white_from": white_from,
         "chart_residual": None if chart is None else chart.residual,
         "warnings": [*map(texts.says, doubts)],
-        "findings": [texts.facts(one) for one in found]}, text)
+        "findings": [texts.facts(one) for one in findings]}, text)
 
 
 @command_line.Command

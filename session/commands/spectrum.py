@@ -211,21 +211,16 @@ def _write_layers(path: Path, nm: np.ndarray, columns: dict[str, np.ndarray],
 
     from spectrabox.capture.photo.image_writers import write_exr
     from spectrabox.radiometry.records.spectra import Quantity
-    from spectrabox.radiometry.spectra.spectral_layers import (
-        LIGHT,
-        REFLECTANCE,
-        layer_names,
-        layout_attributes,
-    )
-    kind = REFLECTANCE if quantity is Quantity.REFLECTANCE else LIGHT
-    write_exr(path, np.array(list(columns.values()))[None], layer_names(nm, kind),
-              attributes=layout_attributes(quantity))
+    from spectrabox.radiometry.spectra import spectral_layers
+    kind = spectral_layers.REFLECTANCE if quantity is Quantity.REFLECTANCE \
+        else spectral_layers.LIGHT
+    write_exr(path, np.array(list(columns.values()))[None], spectral_layers.layer_names(nm, kind),
+              attributes=spectral_layers.layout_attributes(quantity))
 
 
 def _text_writer(suffix: str, csv_writer: Any) -> Any:
-    from spectrabox.radiometry.spectra.formats.cgats import sp_text
-    from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
-    return {".csv": csv_writer, ".sp": sp_text, ".spdx": spdx_text}[suffix]
+    from spectrabox.radiometry.spectra.formats import cgats, tm27
+    return {".csv": csv_writer, ".sp": cgats.sp_text, ".spdx": tm27.spdx_text}[suffix]
 
 
 def _stated_quantity(table: SpectralTable, column: str | None, quantity: str | None) -> Quantity:

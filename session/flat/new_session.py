@@ -81,7 +81,7 @@ def new_session(tables: Tables, folder: Path | None) -> Iterator[Path]:
             raise errors.InputError(f"{path} is missing; give the name of a photo")
         if path is not None and not photos.get("not_linear"):
             image_files.require_linear_file(path)
-    made = not folder.exists()
+    is_new = not folder.exists()
     if folder.exists() and not folder.is_dir():
         raise errors.InputError(f"{folder} is a file; name another folder with --session")
     _require_unedited(folder)
@@ -90,7 +90,7 @@ def new_session(tables: Tables, folder: Path | None) -> Iterator[Path]:
             _write(tables, folder)
         yield folder
     except BaseException:
-        if made:
+        if is_new:
             shutil.rmtree(folder, ignore_errors=True)
         raise
 

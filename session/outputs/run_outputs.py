@@ -57,23 +57,23 @@ def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: li
     if advice is not None:
         kept = advised_of_facts(advice)
         results = replace(results, found=replace(results.found, advise=lambda: kept))
-    found = results.found
+    result = results.found
     rendered, numbers, failed = page.rendered_report(results)
     report = page.store_report(rendered, numbers, results.folder)
     files = [report, report.with_name(page.NUMBERS_NAME),
-             *surface_files.write_surface_files(found, results.folder, results.name)]
-    if isinstance(found, SceneResult) and isinstance(finished.capture, captured.SceneCapture):
+             *surface_files.write_surface_files(result, results.folder, results.name)]
+    if isinstance(result, SceneResult) and isinstance(finished.capture, captured.SceneCapture):
         scene = finished.capture.views[0].scene
-        files += [surface_files.write_materials(found, results.folder, finished.capture.bsdfs,
-                                  scene if isinstance(scene, SceneFile) else None,
-                                  config.folder / found.picture_folder),
+        files += [surface_files.write_materials(result, results.folder, finished.capture.bsdfs,
+                                                scene if isinstance(scene, SceneFile) else None,
+                                                config.folder / result.picture_folder),
                   *write_box_scenes(config, finished.records.reconstruct.box_scenes)]
         pictures, fault = attempt("comparison of photo and rendering",
-                                  lambda: surface_files.write_comparisons(found, results.folder),
+                                  lambda: surface_files.write_comparisons(result, results.folder),
                                   [])
         files += pictures
         failed += () if fault is None else (fault,)
-    named = [extras.facts(one) for one in found.failed_extras]
+    named = [extras.facts(one) for one in result.failed_extras]
     notes = [f"note: {texts.says(one)}" for one in failed if extras.facts(one) not in named]
     facts = results.facts() | {"failed_extras": [extras.facts(one) for one in failed]}
     return (facts, "\n".join([results.found.brief(), *notes]),

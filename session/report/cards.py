@@ -119,14 +119,14 @@ def answer_cards(surfaces: Sequence[SurfaceResult], doubts: Mapping[str, tuple[s
 def _card(number: int, index: int, surface: SurfaceResult, doubts: tuple[str, ...],
           common: Sequence[Finding], advice: tuple[Advice, ...]) -> Card:
     curves, pair = spectra.surface_curves(surface), surface.metamers
-    told = () if surface.samples is None else surface.samples.findings  # where it is doubtful
+    of_draws = () if surface.samples is None else surface.samples.findings  # where it is doubtful
     return Card(
         f"material-{number}", index, surface, doubts,
         spectra.spectrum_figure(f"spectrum-{number}", surface),
         error_budget_bars(f"budget-{number}", surface),
         None if pair is None else metamer_drawing(pair), tuple(curves),
         spectra.every_10_nm(surface.nm, curves), advice,
-        tuple(one for one in _assumptions(surface) if one not in common and one not in told))
+        tuple(one for one in _assumptions(surface) if one not in common and one not in of_draws))
 
 
 def assumed_of_all(surfaces: Sequence[SurfaceResult]) -> list[Finding]:

@@ -28,19 +28,19 @@ def report_numbers(results: SessionResults) -> dict[str, Any]:
     """What the report of any session shows, but what is of its kind; wavelengths in nm, shares as
     fractions.
     """
-    found = results.found
+    result = results.found
     return {
         "schema": SCHEMA, "name": results.name, "operator": results.operator,
         "notes": results.notes,
-        "conditions": [conditions.facts(one) for one in found.conditions],
-        "findings": [texts.facts(one) for one in found.findings],
-        "bands": found.bands, "verdict": _verdict(found.verdict), "advice": found.advice.facts,
-        "signal_bands": found.signal_bands,
-        "calibration": _calibration(found, results.sensitivity_truth),
-        "chart": None if found.chart is None else _chart(found, found.chart),
-        "clipped_share": found.photo.clipped_share,
+        "conditions": [conditions.facts(one) for one in result.conditions],
+        "findings": [texts.facts(one) for one in result.findings],
+        "bands": result.bands, "verdict": _verdict(result.verdict), "advice": result.advice.facts,
+        "signal_bands": result.signal_bands,
+        "calibration": _calibration(result, results.sensitivity_truth),
+        "chart": None if result.chart is None else _chart(result, result.chart),
+        "clipped_share": result.photo.clipped_share,
         "inputs": [file.numbers for file in results.inputs],
-        "stages": [vars(stage) for stage in results.stages], "warnings": found.warnings,
+        "stages": [vars(stage) for stage in results.stages], "warnings": result.warnings,
         "provenance": results.provenance, "made_from": results.input_digests,
         }
 

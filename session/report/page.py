@@ -127,15 +127,15 @@ def store_report(page: str, numbers: str, folder: Path) -> Path:
 
 def render_report(results: SessionResults) -> Report:
     """The page as text; every name, note and file name of the session is escaped."""
-    found = results.found
-    cards = answer_cards(found.surfaces, found.verdict.doubts, found.advice)
+    result = results.found
+    cards = answer_cards(result.surfaces, result.verdict.doubts, result.advice)
     links = {card.surface.name: svg.MarkLink(card.id, card.index) for card in cards}
-    if isinstance(found, FlatResult):
-        kind = _flat_page(found, results, links)
+    if isinstance(result, FlatResult):
+        kind = _flat_page(result, results, links)
     else:
-        kind = _scene_page(found, results, links)
+        kind = _scene_page(result, results, links)
     content = _content(results, kind, cards)
-    failed = different((*found.failed_extras, *content.pop("failed"),
+    failed = different((*result.failed_extras, *content.pop("failed"),
                         *(missing.failed for missing in _of_kind(content, svg.MissingDrawing))))
     written = json_for_script(report_numbers(results) | kind.numbers | {
         "failed_extras": [extras.facts(one) for one in failed],
@@ -240,9 +240,9 @@ class PhotoSection:
 
 def _content(results: SessionResults, kind: KindOfPage, cards: list[Card]) -> dict[str, Any]:
     """What the templates of the page know, by name."""
-    found, verdict = results.found, results.found.verdict
+    result, verdict = results.found, results.found.verdict
     files = dict(kind.pictures)
-    if kind.chart_overlay and found.chart is not None:
+    if kind.chart_overlay and result.chart is not None:
         files["chart"] = results.chart_overlay
     pictures, missing = {}, []
     for title, path in (files | dict(results.picture_maps)).items():
@@ -251,24 +251,24 @@ def _content(results: SessionResults, kind: KindOfPage, cards: list[Card]) -> di
             pictures[title] = picture
         if failed is not None:
             missing.append(failed)
-    chart, failed_chart = attempt("section on the chart", lambda: chart_section(found), None)
-    light = found.calibration.light
+    chart, failed_chart = attempt("section on the chart", lambda: chart_section(result), None)
+    light = result.calibration.light
     return kind.sections | {
-        "results": results, "found": found, "verdict": verdict, "kind": kind,
-        "pictures": pictures, "picture": found.picture,
+        "results": results, "found": result, "verdict": verdict, "kind": kind,
+        "pictures": pictures, "picture": result.picture,
         "failed": [*missing, *(() if failed_chart is None else (failed_chart,))],
-        "bands": list(zip(found.bands, band_colours(found.bands), strict=True)),
-        "cards": cards, "assumed_of_all": assumed_of_all(found.surfaces),
-        "tested_families": tested_families(found.surfaces),
-        "level": next((surface.summary.level for surface in found.surfaces
+        "bands": list(zip(result.bands, band_colours(result.bands), strict=True)),
+        "cards": cards, "assumed_of_all": assumed_of_all(result.surfaces),
+        "tested_families": tested_families(result.surfaces),
+        "level": next((surface.summary.level for surface in result.surfaces
                        if surface.summary is not None), None),
-        "truths": any(surface.scores is not None for surface in found.surfaces),
-        "files": _files(found, kind),
-        "chart": chart, "held_out_rms": held_out_rms(found),
-        "sensitivity_figure": sensitivity_figure("sensitivity", found.calibration.sensitivity,
-                                                 found.bands, results.sensitivity_truth),
-        "scale": None if found.light_scale is None else scale_words(found.light_scale),
-        "light_figure": light_figure("light", light, found.calibration.light_posterior),
+        "truths": any(surface.scores is not None for surface in result.surfaces),
+        "files": _files(result, kind),
+        "chart": chart, "held_out_rms": held_out_rms(result),
+        "sensitivity_figure": sensitivity_figure("sensitivity", result.calibration.sensitivity,
+                                                 result.bands, results.sensitivity_truth),
+        "scale": None if result.light_scale is None else scale_words(result.light_scale),
+        "light_figure": light_figure("light", light, result.calibration.light_posterior),
         }
 
 

@@ -69,9 +69,9 @@ def figure(words: str) -> Callable[[Callable[Arguments, Figure]],
     def marked(draw: Callable[Arguments, Figure]) -> Callable[Arguments, Figure | MissingDrawing]:
         @functools.wraps(draw)
         def drawn(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Figure | MissingDrawing:
-            made, failed = extras.attempt(f"picture of {words}", lambda: draw(*args, **kwargs),
-                                          None)
-            return cast(Figure, made) if failed is None else MissingDrawing(failed)
+            drawing, failed = extras.attempt(f"picture of {words}", lambda: draw(*args, **kwargs),
+                                             None)
+            return cast(Figure, drawing) if failed is None else MissingDrawing(failed)
         return drawn
     return marked
 

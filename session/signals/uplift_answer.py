@@ -53,7 +53,7 @@ def stated_white(request: UpliftRequest) -> tuple[UpliftRequest, str, PhotoWhite
                 stored_images.read_header(request.image).photo_kind, request.image.name)
         return request, "stated; no chart was looked for", None
     response = relative_response(*_camera_and_light(request), grid.FINE_GRID)
-    found = None
+    white = None
     if _is_searched(request.image):
         try:
             photo = linear.open_photo(request.image)
@@ -61,12 +61,12 @@ def stated_white(request: UpliftRequest) -> tuple[UpliftRequest, str, PhotoWhite
             photo = None            # too small to show a chart; what cannot be read is said below
         if photo is not None:
             uplift.require_bands(photo.signal.shape[2], response)
-            found = photo_white(photo, response, WHITE_REMEDY)
-    if found is None:
+            white = photo_white(photo, response, WHITE_REMEDY)
+    if white is None:
         return replace(request, white=",".join(["1"] * len(response))), \
             "taken as 1: no --white was given, and no chart was found", None
-    return replace(request, white=",".join(f"{float(value):.6g}" for value in found.white)), \
-        "the chart in the photo", found
+    return replace(request, white=",".join(f"{float(value):.6g}" for value in white.white)), \
+        "the chart in the photo", white
 
 
 def _is_searched(image: Path) -> bool:

@@ -297,9 +297,9 @@ def surfaces_of(surface: str | Mapping[str, str] | None, names: Collection[str],
 
 def folder_for_pictures(folder: str | Path) -> Path:
     """A folder for the files of a picture of spectra, made where it is missing."""
-    made = Path(folder)
-    made.mkdir(parents=True, exist_ok=True)
-    return made
+    path = Path(folder)
+    path.mkdir(parents=True, exist_ok=True)
+    return path
 
 
 def families_of(families: str | Sequence[str] | None) -> tuple[str, ...]:

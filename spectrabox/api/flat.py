@@ -54,10 +54,10 @@ class FlatSpectra(estimates.MeasuredSpectra):
 
     def __init__(self, capture: FlatCapture, records: CaptureRecords,
                  picture_folder: str = "") -> None:
-        found = flat_result(capture, records, picture_folder)
-        super().__init__(found, records.signals)
+        result = flat_result(capture, records, picture_folder)
+        super().__init__(result, records.signals)
         self.picture: PictureRecords | None = records.picture
-        self.light: dict[str, tuple[float, float]] = found.light
+        self.light: dict[str, tuple[float, float]] = result.light
 
     @property
     def chart_check(self) -> ChartCheck:

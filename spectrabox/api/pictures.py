@@ -16,6 +16,7 @@ from spectrabox.capture.photo.image_files import read_encoded_values
 from spectrabox.measure import texts
 from spectrabox.measure.pictures.photo_white import photo_white, require_camera_signal
 from spectrabox.measure.pictures.uplift import require_bands, uplift_image
+from spectrabox.measure.signals.options import PIXEL_NOISE
 from spectrabox.radiometry.appearance import signal_of_srgb
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import faults
@@ -26,8 +27,8 @@ from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 
 @one_blas_thread()
 def uplift(image: ArrayLike | Photo | str | Path, *, camera: arguments.CameraLike | None = None,
-           light: arguments.LightLike | None = None, encoded: bool = False, noise: float = 0.01,
-           white: ArrayLike | None = None,
+           light: arguments.LightLike | None = None, encoded: bool = False,
+           noise: float = PIXEL_NOISE, white: ArrayLike | None = None,
            families: str | list[str] | None = None, prior: str | Path | LogitMixture | None = None,
            progress: ProgressLike = None) -> tuple[np.ndarray, np.ndarray]:
     """Mean and standard deviation of the reflectance behind every pixel.

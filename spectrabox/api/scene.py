@@ -74,8 +74,8 @@ class SceneSpectra(MeasuredSpectra):
     def __init__(self, capture: SceneCapture, records: CaptureRecords,
                  rehearsal: Rehearsed | None = None, picture_folder: str = "",
                  folder: Path = Path()) -> None:
-        found = scene_result(capture, records, rehearsal, picture_folder)
-        super().__init__(found, records.signals)
+        result = scene_result(capture, records, rehearsal, picture_folder)
+        super().__init__(result, records.signals)
         self.records, self._folder = records, folder
         self._stated_scene, self._bsdfs = capture.views[0].scene, capture.bsdfs
 
