@@ -33,7 +33,8 @@ class Case:
     words : tuple of str
         Of a command, PATH for the file and FOLDER for a folder to write to.
     value : tuple of float, optional
-        Of spectra: a wavelength in nm, and the value there that one of them has.
+        Of spectra: a wavelength in nm, and the value there that one of them has, as a fraction
+        where the file is read as per cent.
     white : float, optional
         Of a photo of a chart: signal of the white patch in its brightest band.
     refused : tuple of str
@@ -85,10 +86,20 @@ SPECTRA: dict[str, tuple[Case, ...]] = {
     "decimal-comma-blanks/blanks_decimal_comma.txt": (_shown(470.0, GREEN),),
     "decimal-comma-blanks/blanks_decimal_comma_intnm.txt": (_shown(470.0, GREEN),),
     "envi-overlap-and-flags/gain.hdr": (_shown(470.0, GREEN),),
+    "envi-overlap-and-flags/bbl.hdr": (_shown(550.0, 0.5, says=(" bad ",)),),
+    "envi-overlap-and-flags/overlap.hdr": (_shown(470.0, GREEN, says=("overlap",)),),
+    "envi-overlap-and-flags/usgs_deleted.hdr": (_shown(470.0, GREEN, says=("deleted",),
+                                                       never=("1.23",)),),
     "micrometres-and-percent-stated/ascending.spectrum.txt": (_shown(470.0, GREEN),),
     "micrometres-and-percent-stated/descending.spectrum.txt": (_shown(470.0, GREEN),),
     # no unit of the values is stated
-    "table-under-a-preamble/end_marker.txt": (_shown(470.0, 100 * GREEN),)}
+    "table-under-a-preamble/end_marker.txt": (_shown(470.0, 100 * GREEN),),
+    "impossible-colour": (Case(
+        ("sample", "--xyz", "0,29.33989,29.33989", "--json"),
+        says=("no surface has this colour", "nearest that can be reached")),),
+    "uplift-side-9/rgb.png": (Case(
+        ("uplift", "PATH", "--encoded", "--out", "FOLDER/out", "--side", "9", "--full", "--json"),
+        never=('"warnings": []',)),)}
 
 
 def tasks(data: Path) -> Iterator[Task]:
@@ -127,7 +138,7 @@ def wrong(path: Path, case: Case) -> str:
     if case.value is not None:
         nm, value = case.value
         found = [np.interp(nm, facts["wavelengths_nm"], np.array(one["values"], float))
-                 for one in facts.get("spectra", [])]
+                 / (100 if one.get("unit") == "percent" else 1) for one in facts.get("spectra", [])]
         if not np.isclose(found, value, rtol=1e-3).any():
             return f"{found} at {nm} nm, not {value}: {told}"
     return ""

@@ -6,7 +6,9 @@ that of pixels of one brightness 13 % at most lie within a window of s / 3, and 
 the windows below. A pile is a window
 
     that holds at least ``TIMES_BELOW`` times what each of the three windows below it holds, and
-    above which at most ``SHARE_ABOVE`` of its own number lie: hot pixels, overshoot of a filter.
+    above which at most ``SHARE_ABOVE`` of its own number lie: hot pixels, overshoot of a filter,
+    and of which at least ``SHARE_AT_ONE`` have one value, within s / 30: so that texture, which
+    makes noise look larger than it is, does not make a pile of a plain part.
 
 The noise is that of the darker part of the picture, where nothing is clipped, and its line is
 drawn on to v. Where it is less than 1.5 steps of the file nothing can be told: a picture without
@@ -27,6 +29,8 @@ MIN_PILED = 50              # samples, of about a million; of fewer a part
 MIN_PILED_SHARE = 2e-4      # of them
 TIMES_BELOW = 4.0           # 1.3 about the peak of plain noise; 3.7 were its sigma taken 3 times
 SHARE_ABOVE = 0.1
+SHARE_AT_ONE, ONE_VALUE = 0.5, 1 / 30   # of the pile, and of sigma
+MIN_WINDOW_STEPS = 4.0                  # of the file, about a value, that the share is taken of
 WINDOWS_PER_SIGMA, WINDOWS_BELOW = 3, 3
 MIN_SIGMA_STEPS = 1.5       # noise that would have spread the pile
 DARKER = 0.7                # of the brightest: below it noise is measured
@@ -64,7 +68,14 @@ def pile_of(values: np.ndarray, sigma: Callable[[np.ndarray], np.ndarray]) -> fl
              & (width * WINDOWS_PER_SIGMA >= MIN_SIGMA_STEPS * step))
     if not found.any():
         return None
-    return float(top[found][np.argmax(piled[found])])
+    most = np.argmax(piled[found])
+    middle, window = float(top[found][most]), float(width[found][most])
+    near = np.abs(levels - middle) <= window / 2
+    clip = float(levels[near][np.argmax(counts[near])])
+    off = np.abs(levels - clip)
+    at_one = counts[off <= max(step / 2, ONE_VALUE * WINDOWS_PER_SIGMA * window)].sum()
+    about = counts[off <= max(window, MIN_WINDOW_STEPS * step) / 2].sum()
+    return clip if at_one >= SHARE_AT_ONE * about else None
 
 
 def clip_levels(signal: np.ndarray, quantum: np.ndarray | float, source: str = "",
