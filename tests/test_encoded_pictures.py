@@ -9,7 +9,9 @@ from typer.testing import CliRunner
 import spectrabox as sb
 from spectrabox.capture.photo.image_writers import write_png
 from spectrabox.measure import texts
+from spectrabox.measure.pictures.uplift import with_colours
 from spectrabox.measure.signals.signal_capture import OF_SRGB
+from spectrabox.radiometry import appearance
 from spectrabox.radiometry.appearance import (
     decode_srgb,
     encode_srgb,
@@ -94,3 +96,49 @@ def test_a_photo_decoded_from_srgb_is_no_camera_s_signal(tmp_path):
         sb.uplift(photo, camera="Nikon 5100 (NPL)", light="D65")
     with pytest.raises(InputError, match="is open holds linear values"):
         sb.uplift(photo, encoded=True)
+
+
+def layers_of(path):
+    """Wavelengths (P,) and reflectances (H, W, P) of a spectral EXR."""
+    picture = oiio.ImageInput.open(str(path))
+    names, values = picture.spec().channelnames, np.array(picture.read_image("float"))
+    picture.close()
+    layers = sorted((float(name[2:-2].replace(",", ".")), index)
+                    for index, name in enumerate(names) if name.startswith("T."))
+    return np.array([nm for nm, _ in layers]), values[..., [index for _, index in layers]]
+
+
+CORNERS = [(0, 0, 0), (0, 0, 255), (0, 255, 0), (255, 0, 0), (0, 255, 255), (255, 0, 255),
+           (255, 255, 0), (255, 255, 255), (128, 128, 128), (30, 60, 90), (200, 100, 50)]
+
+
+@pytest.mark.parametrize("options", [(), ("--side", "9", "--full"), ("--step", "20")])
+def test_pixels_come_back_to_their_colours_or_are_counted(tmp_path, options):
+    """Each colour of the picture, by the spectra of its file under D65."""
+    picture = np.repeat(np.array(CORNERS, np.uint8)[None].repeat(8, axis=0), 16, axis=1)
+    write_png(tmp_path / "a.png", picture)
+    result = CliRunner().invoke(app, ["uplift", str(tmp_path / "a.png"), "--encoded", "-o",
+                                      str(tmp_path / "out"), "--quiet", "--json", *options])
+    facts = json.loads(result.stdout)
+    assert result.exit_code == 0
+    nm, mean = layers_of(tmp_path / "out" / "mean.exr")
+    fine = np.array([np.interp(PRIOR_GRID.nm, nm, row) for row in mean[0, ::16].astype(float)])
+    wanted = appearance.lab_from_xyz(signal_of_srgb(np.array(CORNERS) / 255), np.ones(3))
+    off = appearance.ciede2000(appearance.reflectance_to_lab(PRIOR_GRID.nm, fine), wanted)
+    # half floats, and an observer of 5 nm for one of 1 nm, add up to 0.2
+    assert np.mean(off > 0.7) <= facts["colours_off"] <= np.mean(off > 0.3)
+    assert facts["colours_off"] < 0.2
+    assert (facts["table_delta_e00"]["largest"] > 1) == any("--side" in each
+                                                            for each in facts["warnings"])
+    if "9" in options:
+        assert facts["table_delta_e00"]["largest"] > 1
+
+
+def test_a_colour_that_no_reflectance_has_is_counted_and_left_near():
+    response = np.eye(3) @ np.repeat(np.eye(3), 3, axis=1) / 3
+    mean = np.full((2, 9), 0.5)
+    spectra, off = with_colours(mean, np.array([[0.4, 0.5, 0.6], [1.5, 0.5, 0.5]]), response)
+    assert off == 1
+    # eight digits are more than the colours need
+    np.testing.assert_allclose(spectra[0] @ response.T, [0.4, 0.5, 0.6], atol=1e-6)
+    assert np.all(spectra <= 1)

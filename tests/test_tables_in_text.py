@@ -234,3 +234,51 @@ def test_a_tail_of_wider_steps_belongs_to_the_table(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("nm,v\n" + "".join(f"{x:g},0.5\n" for x in nm))
     np.testing.assert_array_equal(read_table(path).nm, nm)
+
+
+def envi(tmp_path, extra, nm, values, kind):
+    """An ENVI library of one spectrum with more lines in its header."""
+    numbers = {"f4": 4, "i2": 2}[kind]
+    (tmp_path / "a.hdr").write_text(
+        f"ENVI\nsamples = {len(nm)}\nlines = 1\nbands = 1\nheader offset = 0\n"
+        f"data type = {numbers}\n"
+        "interleave = bsq\nbyte order = 0\nwavelength units = Nanometers\n"
+        f"wavelength = {{{', '.join(map(str, nm))}}}\n{extra}")
+    (tmp_path / "a.sli").write_bytes(np.asarray(values).astype(f"<{kind}").tobytes())
+    return tmp_path / "a.sli"
+
+
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture],
+          deadline=None, derandomize=True)
+@given(bad=st.lists(st.booleans(), min_size=12, max_size=12).filter(lambda bad: bad.count(0) > 1),
+       gain=st.sampled_from([1e-4, 2e-4]), offset=st.sampled_from([0.0, 0.05]))
+def test_gains_offsets_and_bad_bands_of_a_library_are_applied(tmp_path, bad, gain, offset):
+    nm, counts = list(range(400, 520, 10)), 1000 + 100 * np.arange(12)
+    lists = {"bbl": [int(not each) for each in bad], "data gain values": [gain] * 12,
+             "data offset values": [offset] * 12}
+    path = envi(tmp_path, "".join(f"{key} = {{{', '.join(map(str, row))}}}\n"
+                                  for key, row in lists.items()), nm, counts, "i2")
+    table = read_table(path)
+    expected = np.where(bad, np.nan, counts * gain + offset)
+    # a product and a sum of doubles
+    np.testing.assert_allclose(table.values[0], expected, rtol=1e-14)
+    assert any("gains" in note for note in table.notes)
+    assert any("bbl" in note for note in table.notes) == any(bad)
+
+
+def test_a_list_of_another_length_is_refused(tmp_path):
+    path = envi(tmp_path, "bbl = {1, 0}\n", [400, 500, 600], [0.1, 0.2, 0.3], "f4")
+    with pytest.raises(InputError, match="2 numbers as 'bbl' for 3 bands"):
+        read_table(path)
+
+
+@pytest.mark.parametrize("name, missing, note", [
+    ("bbl", [500, 510, 520], "bbl"), ("gain", [], "gains"), ("overlap", [], "overlap"),
+    ("usgs_deleted", [450, 460], "deleted")])
+def test_envi_libraries_of_the_field_are_applied_and_said(name, missing, note):
+    table = read_table(field("envi-overlap-and-flags", f"{name}.sli"))
+    assert any(note in each for each in table.notes)
+    gone = ~np.isfinite(table.values[0])
+    np.testing.assert_array_equal(table.nm[gone], missing)
+    # integers of 1e-4, else single precision
+    np.testing.assert_allclose(table.values[0][~gone], green(table.nm[~gone]), atol=6e-5)

@@ -16,6 +16,12 @@ from spectrabox.radiometry import error_model, errors
 from spectrabox.sampling.prior import mixture, uplift_table
 from spectrabox.sampling.spectral_measurement import check_bands
 
+MAX_COLOUR_ERROR = 0.5      # CIEDE2000: up to here a spectrum has the colour of its pixel
+MAX_TABLE_ERROR = 1.0       # CIEDE2000 between spectra of the table and those computed one by one
+CHECKED = 200               # signals by which a table is judged
+CHECK_LIGHTS = ("D65", "A")
+STEPS = 12                  # of Newton's method
+LOGIT_STEP = 2.0            # at most, at once
 MAX_NOISE = 0.5     # relative: beyond, a signal says next to nothing
 
 
@@ -127,6 +133,83 @@ def uplift_image(image: np.ndarray, relative_response: np.ndarray, prior: mixtur
     mean, deviation = (np.concatenate(part, dtype=np.float32).reshape(height, width, -1)
                        for part in parts)
     return mean, deviation
+
+
+def with_colours(mean: np.ndarray, signals: np.ndarray,
+                 response: np.ndarray) -> tuple[np.ndarray, int]:
+    """Spectra changed as little as smooth responses allow, in their logits, so that they have the
+    colours of their pixels, and of how many pixels they have not.
+
+    Parameters
+    ----------
+    mean : (n, P) array
+        Reflectances, 0 to 1.
+    signals : (n, 3) array
+        X, Y, Z of the pixels over those of white.
+    response : (3, P) array
+        Of the observer under the light, at the wavelengths of ``mean``; rows sum to 1.
+
+    Returns
+    -------
+    mean : (n, P) array
+    off : int
+        Pixels that are off by more than 0.5 CIEDE2000: no reflectance has their colour.
+    """
+    from spectrabox.radiometry import appearance
+    wanted = appearance.lab_from_xyz(signals.astype(float), np.ones(3))
+
+    def colour_errors(spectra: np.ndarray, some: np.ndarray) -> np.ndarray:
+        return np.asarray(appearance.ciede2000(appearance.lab_from_xyz(
+            spectra @ response.T, np.ones(3)), wanted[some]))
+
+    result = mean.astype(float)
+    errors = colour_errors(result, np.arange(len(result)))
+    rows = np.flatnonzero(errors > MAX_COLOUR_ERROR / 4)
+    inside = np.clip(result[rows], 1e-6, 1 - 1e-6)
+    logits = np.log(inside / (1 - inside))
+    for _ in range(STEPS if rows.size else 0):
+        spectra = 1 / (1 + np.exp(-logits))
+        slope = spectra * (1 - spectra)
+        gram = np.einsum("ip,np,jp->nij", response, slope, response)
+        floor = 1e-9 * np.trace(gram, axis1=1, axis2=2) + 1e-15
+        gram += floor[:, None, None] * np.eye(3)
+        change = np.linalg.solve(gram, (signals[rows] - spectra @ response.T)[..., None])[..., 0]
+        logits += np.clip(change @ response, -LOGIT_STEP, LOGIT_STEP)
+    spectra = 1 / (1 + np.exp(-logits))
+    nearer = colour_errors(spectra, rows) < errors[rows]
+    result[rows[nearer]] = spectra[nearer]
+    off = int(np.sum(colour_errors(result, np.arange(len(result))) > MAX_COLOUR_ERROR))
+    return result.astype(mean.dtype), off
+
+
+def table_error(source: ImageSource, plan: pixel_spectra.SpectraPlan,
+                survey: pixel_spectra.Survey) -> tuple[float, float] | None:
+    """Median and largest CIEDE2000, under D65 and A, between spectra of a picture's table and those
+    computed by themselves, at some of its signals that are not darker than the table; None where
+    there are none, or each pixel was computed by itself.
+
+    Parameters
+    ----------
+    source : ImageSource
+    plan : SpectraPlan
+    survey : Survey
+        Of all rows.
+    """
+    from spectrabox.radiometry import appearance
+    if not plan.tables:
+        return None
+    signals = np.unique(np.clip(survey.sample.signals, 0, 1), axis=0)
+    signals = signals[signals.min(axis=1) >= uplift_table.MIN_ROOT**3]
+    if not signals.size:
+        return None
+    block = pixel_spectra.PixelBlock(signals[::-(-len(signals) // CHECKED)], None, None)
+    nm, _ = plan.kept.nm
+    own = source.direct(block).mean[:, plan.kept.mean]
+    table = np.clip(plan.split(plan.values(source, block))[0], 0, 1)
+    apart = np.max([appearance.ciede2000(appearance.reflectance_to_lab(nm, own, light),
+                                         appearance.reflectance_to_lab(nm, table, light))
+                    for light in CHECK_LIGHTS], axis=0)
+    return float(np.median(apart)), float(np.max(apart))
 
 
 def require_bands(bands: int, relative_response: np.ndarray) -> None:

@@ -183,7 +183,7 @@ def uplift(request: requests.UpliftRequest) -> command_line.Answer:
     return command_line.Answer(facts | {
         "white": white, "white_from": white_from,
         "chart_residual": None if chart is None else chart.residual,
-        "warnings": [*map(texts.says, doubts)],
+        "warnings": [*facts["warnings"], *map(texts.says, doubts)],
         "findings": [texts.facts(one) for one in findings]}, text)
 
 

@@ -120,11 +120,23 @@ def uplift_answer(request: UpliftRequest, progress: StageProgress) -> tuple[dict
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         plan = pixel_spectra.plan_spectra(source, layout, survey,
                             lambda share: progress("table", share, ""), pool.map)
-    blocks = spectra_files.computed_blocks(height, width, source.block,
-                             lambda block: plan.split(plan.values(source, block)))
+    off: list[int] = []         # pixels of each block without their own colour
+    at_kept = source.relative_response @ grid.interpolation_matrix(
+        plan.kept.nm[0], mixture.PRIOR_GRID.nm)
+
+    def spectra_of(block: pixel_spectra.PixelBlock) -> tuple[np.ndarray, np.ndarray]:
+        mean, deviation = plan.split(plan.values(source, block))
+        if request.encoded:
+            mean, count = uplift.with_colours(mean, block.signals, at_kept)
+            off.append(count)
+        return mean, deviation
+
+    blocks = spectra_files.computed_blocks(height, width, source.block, spectra_of)
     paths = spectra_files.write_spectra(blocks, (height, width), request.out, layout,
                           lambda share: progress("spectra", share, ""), source.responses)
-    return uplift_summary(request, plan, paths, height * width, survey.outside)
+    return uplift_summary(request, plan, paths, height * width, survey.outside,
+                          uplift.table_error(source, plan, survey),
+                          sum(off) if request.encoded else None)
 
 
 def image_source(request: UpliftRequest) -> uplift.ImageSource:
@@ -150,7 +162,8 @@ def image_source(request: UpliftRequest) -> uplift.ImageSource:
 
 
 def uplift_summary(request: UpliftRequest, plan: pixel_spectra.SpectraPlan, paths: dict[str, Path],
-                   pixels: int, outside: int) -> tuple[dict[str, Any], str]:
+                   pixels: int, outside: int, table_error: tuple[float, float] | None = None,
+                   colours_off: int | None = None) -> tuple[dict[str, Any], str]:
     """JSON object and text of an image whose spectra are written.
 
     Parameters
@@ -163,12 +176,34 @@ def uplift_summary(request: UpliftRequest, plan: pixel_spectra.SpectraPlan, path
         Of the image.
     outside : int
         Pixels with a band outside 0 to 1.
+    table_error : (median, largest) or None
+        CIEDE2000 of spectra of the table, where there was one.
+    colours_off : int or None
+        Pixels of a picture in sRGB whose spectra have not their colour.
     """
     mean_nm, deviation_nm = plan.kept.nm
     facts = {**{name: str(path) for name, path in paths.items()},
              "pixels": pixels, "outside_0_to_1": outside / pixels,
              "wavelengths_nm": mean_nm.tolist(), "standard_deviation_nm": deviation_nm.tolist(),
-             "pixel_type": uplift_layout(request).pixel_type}
+             "pixel_type": uplift_layout(request).pixel_type,
+             "table_delta_e00": None if table_error is None else
+             {"median": table_error[0], "largest": table_error[1]},
+             "colours_off": None if colours_off is None else colours_off / pixels, "warnings": []}
+    told = ""
+    if table_error is not None:
+        told = (f"\nthe table's spectra ({request.side} points a side) differ from those computed "
+                f"one by one by {table_error[0]:.2f} CIEDE2000 in the median, {table_error[1]:.2f} "
+                "at most")
+    if table_error is not None and table_error[1] > uplift.MAX_TABLE_ERROR:
+        facts["warnings"].append(
+            f"spectra of this table are off by up to {table_error[1]:.1f} CIEDE2000: take a larger "
+            f"--side than {request.side}, such as {2 * request.side - 1}")
+    if colours_off:
+        facts["warnings"].append(
+            f"{colours_off} of {pixels} pixels have spectra whose colour is more than "
+            f"{uplift.MAX_COLOUR_ERROR:g} CIEDE2000 from theirs: no reflectance that was found has "
+            "it")
+    told += "".join(f"\nwarning: {each}" for each in facts["warnings"])
     return facts, (f"wrote {' and '.join(str(path) for path in paths.values())}; "
                    f"{100 * outside / pixels:.1f} % of pixels lie outside what a reflectance "
-                   "between 0 and 1 can give and were taken at the edge")
+                   "between 0 and 1 can give and were taken at the edge" + told)

@@ -4,6 +4,7 @@ from __future__ import annotations
 import contextlib
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,13 +12,10 @@ import numpy as np
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import whole_file, write_text_whole
 from spectrabox.radiometry.records.spectra import Quantity
-from spectrabox.radiometry.spectra.formats import measurement_table
+from spectrabox.radiometry.spectra.formats import measurement_table, units
 from spectrabox.radiometry.spectra.formats.delimited import envi_header_of, envi_values_of
 
 DATA_TYPES = {1: "u1", 2: "i2", 3: "i4", 4: "f4", 5: "f8", 12: "u2", 13: "u4", 14: "i8", 15: "u8"}
-WAVELENGTH_UNITS = {"nm": 1.0, "nanometers": 1.0, "nanometer": 1.0, "um": 1000.0,
-                    "micrometers": 1000.0,
-                    "micrometer": 1000.0, "microns": 1000.0, "μm": 1000.0}
 ITEM = re.compile(r"^[ \t]*([A-Za-z][\w \t()-]*?)[ \t]*=[ \t]*(?:\{([^}]*)\}|(.*))$", re.MULTILINE)
 
 
@@ -69,7 +67,38 @@ def read_envi(content: bytes, path: Path) -> measurement_table.SpectralTable:
     if not scale > 0:
         raise InputError(f"{header_path.name}: the reflectance scale factor {scale:g} cannot be")
     values = np.where(values == ignored, np.nan, values) / scale
-    return _table(keys, values, header_path.name)
+    gain, offset_of = (_per_band(keys, key, bands, header_path.name)
+                       for key in ("data gain values", "data offset values"))
+    values = values * (1.0 if gain is None else gain) + (0.0 if offset_of is None else offset_of)
+    good = _per_band(keys, "bbl", bands, header_path.name)
+    notes = []
+    if good is not None and np.any(good == 0):
+        values = np.where(good == 0, np.nan, values)
+        notes.append(f"the bad band list (bbl) leaves out {int(np.sum(good == 0))} of {bands} "
+                     "bands")
+    for key, numbers in (("gains", gain), ("offsets", offset_of)):
+        if numbers is not None:
+            notes.append(f"the header's {key} of the bands, {numbers.min():g} to "
+                         f"{numbers.max():g}, were applied")
+    return replace(_table(keys, values, header_path.name), notes=tuple(notes))
+
+
+def _per_band(keys: dict[str, str], key: str, bands: int, name: str) -> np.ndarray | None:
+    """The numbers (P,) that a header lists for its bands; None where it lists none.
+
+    Raises
+    ------
+    InputError
+        If there are not as many as bands, or one is no number.
+    """
+    if key not in keys:
+        return None
+    cells = [cell for cell in re.split(r"[\s,]+", keys[key]) if cell]
+    numbers = np.array([measurement_table.number(cell) for cell in cells])
+    if numbers.size != bands or not np.all(np.isfinite(numbers)):
+        raise InputError(f"{name} lists {numbers.size} numbers as {key!r} for {bands} bands, or "
+                         "one that is none; correct the header")
+    return numbers
 
 
 def envi_files(nm: np.ndarray, columns: dict[str, np.ndarray], *, quantity: Quantity,
@@ -97,15 +126,16 @@ def envi_files(nm: np.ndarray, columns: dict[str, np.ndarray], *, quantity: Quan
 
 
 def _table(keys: dict[str, str], values: np.ndarray, name: str) -> measurement_table.SpectralTable:
-    unit = keys.get("wavelength units", "").strip().lower()
+    stated = keys.get("wavelength units", "").strip()
+    unit = units.axis_unit(stated)
     wavelengths = np.array(
         [measurement_table.number(cell) for cell in keys.get("wavelength", "").split(",")])
     if wavelengths.size != values.shape[1] or not np.all(np.isfinite(wavelengths)):
         raise InputError(f"{name} lists {wavelengths.size} wavelengths for {values.shape[1]} "
                          "bands; correct the header")
-    if unit not in WAVELENGTH_UNITS:
-        raise InputError(f"{name}: the wavelength unit {unit or 'nothing'!r} is not known; state "
-                         "'wavelength units = nm'")
+    if unit is None:
+        raise InputError(f"{name}: the wavelength unit {stated or 'nothing'!r} is not known; state "
+                         f"one of {', '.join(units.TO_NM)}, as 'wavelength units = nm'")
     names = [cell.strip() for cell in keys.get("spectra names", "").split(",")]
     if len(names) != values.shape[0]:
         names = [f"spectrum {index}" for index in range(1, values.shape[0] + 1)]
@@ -115,7 +145,7 @@ def _table(keys: dict[str, str], values: np.ndarray, name: str) -> measurement_t
                   if other in keys})
     if "reflectance scale factor" in keys and "quantity" not in facts:
         facts.update(quantity="reflectance", unit="1")
-    return measurement_table.SpectralTable(np.round(wavelengths * WAVELENGTH_UNITS[unit], 9),
+    return measurement_table.SpectralTable(units.to_nm(wavelengths, unit),
                                            measurement_table.distinct(names), values, facts, name)
 
 
