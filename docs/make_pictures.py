@@ -31,6 +31,7 @@ def take(page: Any, address: str, selected: str) -> None:
     page.set_default_timeout(WAIT_MS)
     page.goto(address)
     page.wait_for_selector("body[data-result=true][data-look^=calibrated]")
+    page.wait_for_selector("#ask[data-what]", state="attached")
     for answer in ("[data-finish=unknown]", "[data-card=no]"):      # asked at the beginning alone
         if page.locator(f"#ask {answer}").is_visible():
             page.click(f"#ask {answer}")

@@ -20,7 +20,7 @@ from spectrabox.measure.profiles import colour_profile
 from spectrabox.measure.regions import white as whites
 from spectrabox.radiometry import appearance
 from spectrabox.radiometry.errors import CheckError
-from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
+from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.interreflection import relative_response
 from spectrabox.radiometry.profile_files import SRGB
 from spectrabox.radiometry.records.calibration import Calibration
@@ -159,8 +159,9 @@ def daylight_transform(calibration: Calibration) -> transforms.ColourTransform:
     CalibrationError
         If its bands are too alike.
     """
-    response = relative_response(calibration, FINE_GRID) @ interpolation_matrix(
-        mixture.PRIOR_GRID.nm, FINE_GRID.nm)
+    grid = calibration.sensitivity.grid
+    response = relative_response(calibration, grid) @ interpolation_matrix(
+        mixture.PRIOR_GRID.nm, grid.nm)
     surfaces = mixture.drawn_reflectances(mixture.load_prior(), SURFACES)
     weights = appearance.tristimulus_weights(mixture.PRIOR_GRID.nm, LIGHT)
     xyz = surfaces @ weights.T @ appearance.adaptation(
