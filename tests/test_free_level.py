@@ -10,12 +10,15 @@ import numpy as np
 import pytest
 
 from spectrabox.measure import rules
+from spectrabox.measure.scene import photo_errors
+from spectrabox.measure.steps import inversion
 from spectrabox.measure.surfaces.surface_signals import scene_signals
 from spectrabox.radiometry.error_model import LEVEL_BY_PRIOR
 from spectrabox.radiometry.findings import Severity
 from spectrabox.radiometry.records.calibration import LightScale
 from spectrabox.reconstruct.inverse_rendering import reconstruct, reconstruct_views
 from spectrabox.reconstruct.rendering.renderer import load_scene, render
+from spectrabox.reconstruct.view import MaterialSpec
 
 from tests.cornell_problem import GRID, SCALE_ONE, TRUTH, photo_of, plain_settings, scene, view_of
 from tests.session_runs import silent
@@ -74,6 +77,28 @@ def test_one_level_is_common_to_photos_under_unlike_lamps(folder):
     relative = covariance[0] / np.outer(signals.signal[0], signals.signal[0])
     # every band of both photos is off by the same factor
     np.testing.assert_allclose(relative, LEVEL_ERROR**2, rtol=1e-6)
+
+
+def test_photos_of_the_same_surfaces_share_one_expected_level(folder, monkeypatch):
+    asked = []
+
+    def expected(view, *_):
+        asked.append(view.name)
+        return LightScale(2.0, 0.2, None, "expected")
+
+    monkeypatch.setattr(photo_errors, "scale_from_prior", expected)
+    first = view_of(scene(folder, max_depth=4), scale=None)
+    views = [first, replace(first, name="again")]
+    other = replace(first.scene_file, surfaces=dict.fromkeys(first.scene_file.surfaces, "blue"))
+    views.append(replace(first, name="other", scene_file=other,
+                         materials=(MaterialSpec("blue", "blue"),)))
+    unknown = SimpleNamespace(materials={"white": SimpleNamespace(known=None)}, families={})
+    scaled = inversion.with_estimated_scale(unknown, views, SETTINGS, silent)
+    assert asked == ["photo", "other"]
+    assert [view.light_scale is None for view in scaled] == [False, True, False]
+    assert [view.level_error for view in scaled] == pytest.approx([0.1] * 3)
+    known = SimpleNamespace(materials={"white": SimpleNamespace(known=TRUTH["white"])}, families={})
+    assert inversion.with_estimated_scale(known, views, SETTINGS, silent) == views
 
 
 @pytest.mark.parametrize("level_error, known, scale_from_chart, expected", [

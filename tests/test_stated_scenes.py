@@ -9,7 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import spectrabox as sb
+from spectrabox.capture.photo.image_writers import write_exr
 from spectrabox.fixtures.cornell_box import cornell_box_xml
+from spectrabox.measure.steps import measurement
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.gradient_engine import fit_by_gradient
 from spectrabox.reconstruct.inverse_rendering import forecast, reconstruct, settings_for
@@ -110,6 +113,40 @@ def test_both_engines_get_the_same_lights(mitsuba, tmp_path):
     assert theirs.unit_lights.keys() == {"lamp"}
     # the second lamp adds a quarter of what it adds at full strength; noise of 64 paths
     assert (both - dark).mean() == pytest.approx(0.25 * (strong - dark).mean(), rel=0.03)
+
+
+def test_a_light_that_is_off_adds_nothing_and_a_scene_needs_one_that_is_on(mitsuba, tmp_path):
+    off = LAMP.replace("1.0", "0")
+    view = view_of(scene(tmp_path, box(LAMP, SECOND.format(off))))
+    alone = view_of(scene(tmp_path, box(LAMP)))
+    first, second = (render(load_scene(one.xml(TRUTH)), 16, 1)[0] for one in (view, alone))
+    # other random numbers, of 16 paths a pixel over all pixels
+    assert first.mean() == pytest.approx(second.mean(), rel=0.05)
+    with pytest.raises(InputError, match="none of its lights emits"):
+        view_of(scene(tmp_path, box(off, SECOND.format(off)))).unit_lights  # noqa: B018
+
+
+def test_lights_given_to_the_library_replace_what_the_file_states(tmp_path, monkeypatch):
+    noise = np.random.default_rng(1).normal(0.3, 0.01, (96, 96, 3)).astype(np.float32)
+    write_exr(tmp_path / "box.exr", noise, ["R", "G", "B"])
+    (tmp_path / "box.xml").write_text(box(LAMP, SECOND.format(LAMP)), encoding="utf-8")
+    captures = []
+
+    def measure(capture, keeper, **options):
+        captures.append(capture)
+        raise InterruptedError
+
+    monkeypatch.setattr(measurement, "measure", measure)
+    nm = np.arange(380.0, 731.0, 10.0)
+    curves = np.exp(-0.5 * ((nm - np.array([[600.0], [540.0], [460.0]])) / 30) ** 2)
+    with pytest.raises(InterruptedError):
+        sb.reconstruct_scene(tmp_path / "box.exr", scene=tmp_path / "box.xml",
+                             materials=["white", "green", "red"], camera=(nm, curves),
+                             light=(nm, nm / 500), progress=False,
+                             lights={"second": 0.25, "lamp": (nm, np.full(nm.size, 2.0))})
+    given = captures[0].views[0].lights_by_id
+    np.testing.assert_allclose(given["second"].values, 0.25 * given["second"].grid.nm / 500)
+    np.testing.assert_allclose(given["lamp"].values, 2.0)
 
 
 # ---- refused and named ---------------------------------------------------------------------------

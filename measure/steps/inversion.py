@@ -57,7 +57,7 @@ def invert_photos(capture: SceneCapture, records: CaptureRecords,
     views = views_of(capture, records)
     _require_picture(capture, views)
     settings = settings_of(capture)
-    views = _with_estimated_scale(capture, views, settings, work.progress)
+    views = with_estimated_scale(capture, views, settings, work.progress)
     joint = inverse_rendering.reconstruct_views(views, settings, work.progress,
                                                 work.checkpoint(TRACE))
     joint = photo_errors.with_stray_light(joint, stated_errors(capture, records, views))
@@ -216,10 +216,22 @@ def require_materials(scene: scene_file.SceneFile, bsdfs: dict[str, str]) -> Non
         raise InputError("\n".join(problems))
 
 
-def _with_estimated_scale(capture: SceneCapture, views: list[PhotoView],
+def with_estimated_scale(capture: SceneCapture, views: list[PhotoView],
                           settings: InversionSettings, progress: Progress) -> list[PhotoView]:
     """Views with the strength of the light, by the prior where nothing else tells it: a level that
     is then estimated with the spectra.
+
+    Parameters
+    ----------
+    capture : SceneCapture
+    views : list of PhotoView
+    settings : InversionSettings
+    progress : callable
+
+    Raises
+    ------
+    InputError
+        If no strength of the light explains a photo.
     """
     if not _level_is_free(capture, views):
         return views

@@ -16,6 +16,7 @@ from spectrabox.reconstruct.scene import import_scene, plugins, scene_file
 SPECTRUM_TAGS = ("spectrum", "rgb", "texture")
 # in place of a reflectance of 0 at all wavelengths: Mitsuba refuses a spectrum without any mass
 BLACK = 1e-6
+DARK = 1e-12            # and of a light that is switched off
 NO_TEXTURES: Mapping[str, Path] = {}
 
 
@@ -205,7 +206,8 @@ def _set_light(node: ET.Element, name: str, light: np.ndarray | Mapping[str, np.
     for child in [*shaped, *(child for child in node if child.get("name") == emitted and not sky)]:
         node.remove(child)
     if emitted is not None:     # a map of the sky has its picture
-        node.append(_regular(emitted, spectrum, range_nm))
+        node.append(_regular(emitted, spectrum if np.any(spectrum > 0)
+                             else np.full(len(spectrum), DARK), range_nm))
 
 
 def _set_reflectance(node: ET.Element, values: np.ndarray, range_nm: tuple[float, float],

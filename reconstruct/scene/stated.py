@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.system.words import is_number
 from spectrabox.reconstruct.scene import import_scene, plugins
@@ -201,7 +202,7 @@ def relative_lights(scene: SceneFile, nm: np.ndarray) -> dict[str, np.ndarray]:
     Raises
     ------
     InputError
-        If a light emits nothing.
+        If no light emits anything.
     """
     names = [*dict.fromkeys(scene.light_ids)]
     if len(names) < 2:
@@ -217,6 +218,9 @@ def relative_lights(scene: SceneFile, nm: np.ndarray) -> dict[str, np.ndarray]:
            if node.get("type") == import_scene.SKY_MAP]
     first = sky[0] if sky else max(names, key=lambda name: float(stated[name].mean()))
     dark = stated[first] <= 0
+    if dark.all():
+        raise InputError(f"{scene.path.name}: none of its lights emits anything: state their "
+                         "strengths beside each other")
     of_first = np.where(dark, 1.0, stated[first])
     return {name: np.where(dark, 0.0, values / of_first) for name, values in stated.items()}
 
