@@ -26,7 +26,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
 
 from spectrabox.calibrate.chart_calibration import calibration_from_curves
 from spectrabox.capture.photo.linear import open_photo
@@ -53,8 +52,6 @@ JUDGED = (GRID.nm >= 430) & (GRID.nm <= 670)
 PHOTOS = ("grey", "yellow")
 PAINTS = {"white": "white_wall", "green": "green_wall", "red": "red_wall"}
 WIDTH = 96
-BACK_WALL, MEETS_BACK_WALL = "shape_2", {"ceiling": "shape_5", "floor": "shape_6"}
-EDGE_PX = 5
 LEARNT, MIXED = "ours: + learnt prior", "ours: + band mixing"
 MIXING = 0.1            # a camera's colour matrix departs from the identity by tenths
 
@@ -185,28 +182,8 @@ def inconsistencies(found: Reconstruction, bands: tuple[str, ...]) -> list[str]:
              f"{WIDTH} pixels"]
     lines += [f"{name}: photo / rendering {' '.join(f'{value:.2f}' for value in ratio)}"
               for name, ratio in zip(found.agreement.names, found.agreement.ratio, strict=True)]
-    lines += exponents(found)
     noted = at_least((*rules.misfits_of(found, bands, ""), *found.findings), Severity.NOTE)
     return lines + [texts.sentence(one) for one in noted]
-
-
-def exponents(found: Reconstruction) -> list[str]:
-    """Whether the photo is linear: two white surfaces where they meet at an edge see the lamp in
-    one direction, so that neither paint nor beam enters the ratio of their signals.
-    """
-    def beside(one: int, other: int) -> np.ndarray:
-        return (found.surface == one) & found.used & (
-            distance_transform_edt(found.surface != other) <= EDGE_PX)
-    index = {name.split(" / ")[1]: place for place, name in enumerate(found.agreement.names)}
-    lines = []
-    for name, shape in MEETS_BACK_WALL.items():
-        places = [beside(index[shape], index[BACK_WALL]), beside(index[BACK_WALL], index[shape])]
-        columns = np.logical_and(*(place.any(axis=0) for place in places))  # opposite each other
-        photo, model = (np.subtract(*(np.log(image[place & columns]).mean() for place in places))
-                        for image in (found.measured, found.rendered))
-        lines.append(f"{name} / back wall where they meet: photo {np.exp(photo):.2f}, rendering "
-                     f"{np.exp(model):.2f}: an exponent of {photo / model:.2f}")
-    return lines
 
 
 def main() -> None:

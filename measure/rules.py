@@ -434,7 +434,9 @@ def scene_findings(found: SceneResult) -> list[Finding]:
         # one spectrum cannot fit a surface with patterns, of which the picture has every pixel's
         agreement = [replace(one, severity=Severity.INFO) for one in agreement]
         misfits = [*patterned([made for _, made, _ in photos])]
-    return [*agreement, *misfits,
+    unusable = [of_photo(one, photo) for photo, made, _ in photos for one in made.findings
+                if one.severity is Severity.FAIL]
+    return [*unusable, *agreement, *misfits,
             Finding("fit.of-scene", *ended(found.reconstruction.outcome)),
             *(one for photo, made, _ in photos for one in light_of_known(made, photo)),
             *(one for photo, made, bands in photos for one in of_fit(made, bands, photo)),

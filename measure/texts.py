@@ -825,6 +825,30 @@ BEYOND_CHANCE = "Surfaces beyond chance and stated errors (p < {chance:g}){where
 NONE_BEYOND = "none; fail beyond {fails:percent0}"
 PASS_AND_FAIL = "pass up to {passes:percent0}, fail beyond {fails:percent0}"
 
+LINEARITY = "Power to which the photo raises ratios of light at edges of one paint{where}"
+MAX_EDGES = 3           # that a sentence names
+
+
+def _part(part: dict[str, Any]) -> str:
+    """What was estimated of a scene, in words."""
+    size, error = part["size"], part["error"]
+    if part["what"] == "lamp":
+        return f"the lamp is {size:.2g} ± {error:.1g} (scene's unit) from where it is stated"
+    if part["what"] == "camera":
+        return f"the camera is turned by {size:.2f} ± {error:.2f} degrees"
+    if part["what"] == "beam":
+        return (f"the lamp's beam varies by {words.percent(size)} ± {words.percent(error)} over "
+                "the scene")
+    return (f"the lens darkens the corners of the photo by {words.percent(size)} ± "
+            f"{words.percent(error)}")
+
+
+def _edges(edges: list[dict[str, Any]]) -> str:
+    """The edges that tell of a photo's linearity, in words."""
+    return "; ".join(f"{' / '.join(edge['surfaces'])} {edge['photo']:.2f} in the photo, "
+                     f"{edge['rendering']:.2f} in the rendering" for edge in edges[:MAX_EDGES])
+
+
 SCENES: dict[str, Text] = {
     "scene.right": Text("", lambda values: "Photo, rendering and calibration agree within the "
                         "limits." + _weak_words(values)),
@@ -856,6 +880,27 @@ SCENES: dict[str, Text] = {
         "Check the camera's pose, and whether the photo was cropped."),
     "scene.agreement": Text("Photo against rendering{where}",
                             lambda values: _agreement_sentence(values)),
+    "scene.not-linear": Text(
+        LINEARITY, lambda values: f"The photo is not linear{values['where']}: "
+        + (f"where surfaces of one paint meet, it shows ratios of light to the power "
+           f"{values['value']:.2f} ± {values['error']:.2f} ({_edges(values['edges'])}). A tone "
+           "curve does that, and no lamp." if values["edges"] else
+           f"it shows ratios of light over the scene to the power {values['value']:.2f} ± "
+           f"{values['error']:.2f}, with lamp, beam and lens left free. A tone curve does that."),
+        f"To measure, {RAW_INSTEAD}.",
+        "{value:.2f} ± {error:.2f}", "1 of a linear photo"),
+    "scene.linear": Text(
+        LINEARITY, "Where surfaces of one paint meet{where}, the photo shows ratios of light to "
+        "the power {value:.2f} ± {error:.2f}.", shown="{value:.2f} ± {error:.2f}",
+        limit="1 of a linear photo"),
+    "scene.estimated": Text(
+        "Lamp, lens and camera, estimated from the photo", lambda values:
+        f"Photo and scene disagreed{values['where']}, so the scene was estimated with the "
+        "surfaces: "
+        + ("; ".join(_part(part) for part in values["parts"] if part["named"])
+           or "no single part of it is certainly off") + ".",
+        "To measure them: 'spectrabox geometry light', 'geometry beam', 'geometry pose', a flat "
+        "field.", lambda values: "; ".join(map(_part, values["parts"]))),
     "scene.median": Text(
         "Photo against rendering, |ratio − 1| of the worst band, median over surfaces{where}",
         "Half of the surfaces agree with the photo within {value:percent} in every band{where}.",

@@ -22,6 +22,7 @@ from spectrabox.reconstruct.agreement import (
 )
 from spectrabox.reconstruct.fit.transport_fit import TransportFit, band_signals
 from spectrabox.reconstruct.gradient_engine import invert_by_gradient, seconds_of_descent
+from spectrabox.reconstruct.linearity import linearity
 from spectrabox.reconstruct.misfit import surface_misfits, surface_tests
 from spectrabox.reconstruct.scene.scene_file import needs_descent
 from spectrabox.reconstruct.settings import ENGINES, InversionSettings
@@ -246,6 +247,15 @@ def joint_record(views: Sequence[PhotoView], records: Sequence[scenes.Reconstruc
         lamps=tuple(view.lamp_in_place for view in views))
 
 
+def _on_scene(linear: Finding | None, others: tuple[Finding, ...]) -> tuple[Finding, ...]:
+    """Whether the photo is linear, once, and what else was found of the scene."""
+    curve = [one for one in others if one.code == "scene.not-linear"]
+    if not curve or (linear is not None and linear.severity is Severity.FAIL):
+        rest = [one for one in others if one.code != "scene.not-linear"]
+        return (*filter(None, [linear]), *rest)
+    return others
+
+
 def _record(view: PhotoView, solution: ViewSolution,
             settings: InversionSettings) -> scenes.Reconstruction:
     """The solution with all that a later stage or a reader needs."""
@@ -292,10 +302,12 @@ def _record(view: PhotoView, solution: ViewSolution,
         signal_covariance=covariance,
         model_covariance=np.array([
             model_covariance(agreement, material.name, known, stated_error, factor)
+            + solution.scene_covariance.get(material.name, 0.0)
             for material, factor in zip(view.scene_materials, taken, strict=True)]),
         measured=view.measured, rendered=rendered, used=view.used,
         surface=np.array([*numbers, -1])[view.surface],     # -1, no surface, is the last
         agreement=agreement, light_scale=scale, loss_history=solution.loss_history,
         engine=solution.engine, spp=solution.spp, seed=settings.seed, outcome=solution.outcome,
-        findings=(*solution.findings, *shifted(view.measured, rendered)),
+        findings=(*_on_scene(linearity(view, rendered), solution.findings),
+                  *shifted(view.measured, rendered)),
         misfits=misfits, known_light=solution.known_light)

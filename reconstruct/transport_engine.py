@@ -11,11 +11,13 @@ import numpy as np
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.interreflection import relative_operator
 from spectrabox.radiometry.records.spectra import Outcome, Progress
+from spectrabox.reconstruct import scene_estimate
 from spectrabox.reconstruct.agreement import SceneErrors, scene_errors, surface_agreement
 from spectrabox.reconstruct.fit import transport_fit
 from spectrabox.reconstruct.fit.view_terms import Nuisances, ViewFit
 from spectrabox.reconstruct.known_light import tie_to_known
 from spectrabox.reconstruct.rendering.renderer import load_scene
+from spectrabox.reconstruct.scene.edit_scene import with_camera_at
 from spectrabox.reconstruct.scene.scene_file import needs_descent
 from spectrabox.reconstruct.scene.surfaces import block_regions, region_means
 from spectrabox.reconstruct.settings import InversionSettings
@@ -80,8 +82,80 @@ def solve_views(views: Sequence[PhotoView], settings: InversionSettings, progres
     images = {id(view.traced): renderings_of(view, settings) for view in traced}
     tied, fits, solutions = solve_by_lamps(traced, settings,
                                            lambda view, fit: images[id(view.traced)](fit.signals))
+    if len(views) == 1 and settings.errors_from_scene and settings.engine == "transport":
+        tied, fits, solutions = _with_scene_estimated(traced[0], tied, fits, solutions, settings,
+                                                      progress)
     progress(1.0, "")
     return tuple(view.view for view in tied), fits, solutions
+
+
+def _with_scene_estimated(
+    stated: transport_fit.TracedView, tied: tuple[transport_fit.TracedView, ...],
+    fits: tuple[transport_fit.TransportFit, ...], solutions: tuple[ViewSolution, ...],
+    settings: InversionSettings, progress: Progress
+) -> tuple[tuple[transport_fit.TracedView, ...], tuple[transport_fit.TransportFit, ...],
+           tuple[ViewSolution, ...]]:
+    """The solution of one view with its scene as the photo shows it; as it is where photo and scene
+    agree.
+
+    Parameters
+    ----------
+    stated : TracedView
+        As the scene says it.
+    tied, fits, solutions
+        Of that view alone, as of ``solve_by_lamps``.
+    settings, progress
+        As of ``solve_views``.
+    """
+    errors = _errors_of(solutions[0].renderings, tied[0].view, tied[0])
+    if errors is None or not scene_estimate.can_be_estimated(stated.view) or max(
+            errors.brightness, errors.pattern) < scene_estimate.DISAGREEMENT:
+        return tied, fits, solutions
+    progress(0.75, "estimating pose, lamp and lens")
+
+    def solved(view: transport_fit.TracedView) -> tuple[
+            tuple[transport_fit.TracedView, ...], tuple[transport_fit.TransportFit, ...],
+            tuple[ViewSolution, ...]]:
+        render = renderings_of(view, settings)
+        found, fit, answers = solve_traced([view], settings,
+                                           lambda traced, part: render(part.signals))
+        return found, (fit,), answers
+
+    parts, turn = [], np.zeros(3)
+    for _ in range(scene_estimate.POSE_ROUNDS):
+        step = scene_estimate.estimate_pose(stated.view, solutions[0].renderings.mean(axis=0))
+        if step is None:
+            break
+        placed = replace(stated.view, scene_file=with_camera_at(stated.view.scene_file,
+                                                                step.to_world))
+        stated, = trace_views([placed], settings, lambda done, what: None)
+        tied, fits, solutions = solved(stated)
+        turn = turn + step.turn
+        parts = [scene_estimate.camera_part(turn, step.turn_error)]
+    priors = [transport_fit.spectrum_prior(settings, stated.view.grid, material.learnt)
+              for material in unknown_materials([stated.view])]
+    freed = replace(stated, nuisances=replace(tied[0].nuisances, scale=stated.nuisances.scale))
+
+    def fitted(view: transport_fit.TracedView) -> ViewFit:
+        return transport_fit.fit_traced([view], priors, fits[0].coefficients).views[0]
+
+    def trace(view: PhotoView, spp: int) -> TracedTransport:
+        return trace_transport(unit_scene(view, _bounces(view, settings)), stated.region, spp=spp,
+                               seed=settings.seed, exponents=stated.traced.exponents)
+    estimate = scene_estimate.estimate_lamp(freed, fitted, trace)
+    if estimate is not None and estimate.view is not stated.view:
+        traced = trace_view(estimate.view,
+                            unit_scene(estimate.view, _bounces(stated.view, settings)),
+                            stated.region, stated.group, settings.seed, lambda done, what: None)
+        tied, fits, solutions = solved(replace(stated, view=estimate.view, traced=traced))
+        parts += estimate.parts
+    findings = () if estimate is None else estimate.findings
+    if parts:
+        findings = (*findings, scene_estimate.finding(parts))
+    covariance = {} if estimate is None else estimate.covariance
+    return tied, fits, tuple(replace(
+        one, findings=(*one.findings, *findings), scene_covariance=covariance)
+        for one in solutions)
 
 
 def trace_views(views: Sequence[PhotoView], settings: InversionSettings, progress: Progress,
@@ -272,7 +346,8 @@ def unit_scene(view: PhotoView, bounces: int, separate_lights: bool = False) -> 
     scene = load_scene(view.xml(dict.fromkeys(view.name_of_bsdf, ones), light=view.unit_lights,
                                 bands={"one": ones}))
     return UnitScene(scene, view.name_of_bsdf, view.size, bounces,
-                     view.light_groups if separate_lights else None, view.scene_file.profiles)
+                     view.light_groups if separate_lights else None, view.scene_file.profiles,
+                     view.beam)
 
 
 def nuisances(view: PhotoView, settings: InversionSettings) -> Nuisances:

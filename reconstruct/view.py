@@ -23,6 +23,7 @@ from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.reconstruct.agreement import usable_pixels
 from spectrabox.reconstruct.rendering.renderer import load_scene
 from spectrabox.reconstruct.scene import stated
+from spectrabox.reconstruct.scene.beam import Beam
 from spectrabox.reconstruct.scene.scene_file import SceneFile
 from spectrabox.reconstruct.scene.scene_xml import scene_xml
 from spectrabox.reconstruct.scene.surfaces import surface_map
@@ -73,6 +74,8 @@ class PhotoView:
     level_error : float
         Standard deviation of the logarithm of the light scale where that is no more than what is
         expected beforehand: it is estimated with the spectra.
+    beam : Beam, optional
+        Of the scene's only lamp, as it was estimated.
     """
 
     name: str
@@ -85,6 +88,7 @@ class PhotoView:
     light_spectra: Mapping[str, Spectrum] = field(default_factory=dict)
     lamp: str = ""
     level_error: float = 0.0
+    beam: Beam | None = None
 
     # ---- the photo -------------------------------------------------------------------------------
 
@@ -328,6 +332,8 @@ class ViewSolution:
     regions: scenes.RegionTransport | None = None  # for the samplers, where light was traced
     # what known surfaces said of the light on the view
     known_light: scenes.KnownLight | None = None
+    # of each material, by name: relative covariance (K, K) by what was estimated of the scene
+    scene_covariance: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 def unknown_materials(views: Sequence[PhotoView]) -> tuple[MaterialSpec, ...]:

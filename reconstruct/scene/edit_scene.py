@@ -203,6 +203,28 @@ def with_light_moved(scene_file: SceneFile, number: int, offset: np.ndarray) -> 
     return dataclasses.replace(scene_file, root=root)
 
 
+def with_camera_at(scene_file: SceneFile, to_world: np.ndarray) -> SceneFile:
+    """The scene with its camera elsewhere, its lens as it is.
+
+    Parameters
+    ----------
+    scene_file : SceneFile
+        Stays as it is.
+    to_world : (4, 4) array
+        As of Mitsuba's sensors.
+    """
+    root = copy.deepcopy(scene_file.root)
+    sensor = root.find("sensor")
+    assert sensor is not None       # read_scene requires one
+    for node in [node for node in sensor if node.tag == "transform"
+                 and node.get("name") == "to_world"]:
+        sensor.remove(node)
+    transform = ET.SubElement(sensor, "transform", name="to_world")
+    ET.SubElement(transform, "matrix", value=" ".join(f"{value:.10g}"
+                                                      for value in to_world.ravel()))
+    return dataclasses.replace(scene_file, root=root)
+
+
 def move_light(root: ET.Element, number: int, offset: np.ndarray) -> None:
     """Move one emitter of a scene's XML, in place: its shape, or itself where it has none.
 

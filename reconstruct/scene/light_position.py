@@ -136,7 +136,7 @@ def refine_light_position(scene_file: SceneFile, reflectances: Mapping[str, np.n
     if np.count_nonzero(kept) < MIN_REGIONS:
         raise InputError(f"{scene_file.path.name}: the light reaches {np.count_nonzero(kept)} of "
                          f"{kept.size} blocks that the photo shows; check where the scene has it")
-    whiten = _whitening(monte_carlo[kept] + settings.block_error**2,
+    whiten = whitening(monte_carlo[kept] + settings.block_error**2,
                         noise[kept] / measured[kept] ** 2)
     materials = [scene.bsdfs.index(bsdf)
                  for bsdf in np.array(list(scene_file.surfaces.values()))[group[kept]]]
@@ -203,7 +203,7 @@ def _extent(scene: Any, scene_file: SceneFile) -> float:
     return float(np.linalg.norm(upper.max(axis=0) - lower.min(axis=0)))
 
 
-def _whitening(common: np.ndarray, own: np.ndarray) -> np.ndarray:
+def whitening(common: np.ndarray, own: np.ndarray) -> np.ndarray:
     """Matrices (R, K, K) that make residuals independent, of variance 1 each.
 
     ``common`` (R,) is the variance that the bands of a block share, its paths' and its geometry's;

@@ -82,6 +82,7 @@ class Tracer:
                                             for emitter in unit.scene.emitters())
         self.profile = mi.Float(unit_scene.profile_table(unit.scene,
                                                          unit.profiles)) if shaped else None
+        self.beam = unit.beam
         self.units: dict[bool, int] = {}
 
     def trace(self, paths: int, seed: int, signals: np.ndarray | None = None) -> np.ndarray:
@@ -183,7 +184,8 @@ class Tracer:
         direct = mi.DirectionSample3f(scene, hit, path.previous)
         emitter_pdf = scene.pdf_emitter_direction(path.previous, direct, active & (path.depth > 0))
         weight = dr.select(path.depth > 0, power_heuristic(path.bsdf_pdf, emitter_pdf), 1.0)
-        radiance = emitter.eval(hit, active)[0] * self._profile(emitter, hit.wi.z, hits_light)
+        radiance = (emitter.eval(hit, active)[0] * self._profile(emitter, hit.wi.z, hits_light)
+                    * self._beam(-path.ray.d))
         sums.add(region, path.throughput * weight * radiance, emitter, path.product, hits_light)
 
         # ------------------------- reflectance of the surface ------------------------
@@ -205,7 +207,8 @@ class Tracer:
         reached = active & (light.pdf > 0)
         value, bsdf_pdf = bsdf.eval_pdf(context, hit, hit.to_local(light.d), active)
         weight = dr.select(light.delta, 1.0, power_heuristic(light.pdf, bsdf_pdf))
-        radiance = received[0] * self._profile(light.emitter, -dr.dot(light.d, light.n), reached)
+        radiance = (received[0] * self._profile(light.emitter, -dr.dot(light.d, light.n), reached)
+                    * self._beam(-light.d))
         sums.add(region, path.throughput * value[0] * radiance * weight, light.emitter, product,
                  reached)
 
@@ -217,6 +220,10 @@ class Tracer:
         return PathState(ray=hit.spawn_ray(hit.to_world(sample.wo)), throughput=throughput,
                          product=product, depth=path.depth + 1, previous=dr.detach(hit),
                          bsdf_pdf=sample.pdf, active=active)
+
+    def _beam(self, direction: Any) -> Any:
+        """Relative intensity of the lamp into a direction: 1 without a beam."""
+        return 1.0 if self.beam is None else self.beam.intensity(direction)
 
     def _profile(self, emitter: Any, cosine: Any, active: Any) -> Any:
         """Relative radiance of an emitter at this cosine from its normal: 1 without a profile."""

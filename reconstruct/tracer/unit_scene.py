@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.reconstruct.scene.beam import Beam
 from spectrabox.reconstruct.scene.scene_file import TABLE_DEG
 
 # of Mitsuba's emitters: the one whose radiance comes from a picture
@@ -34,6 +35,8 @@ class UnitScene:
         Each group gets its own coefficients; None puts all lights into one.
     profiles : mapping, optional
         From the id of an area light's shape to its table of ``light_profile.py``.
+    beam : Beam, optional
+        Of every lamp, besides its profile.
     """
 
     scene: Any
@@ -42,6 +45,7 @@ class UnitScene:
     bounces: int
     lights: tuple[tuple[str, ...], ...] | None = None
     profiles: Mapping[str, np.ndarray] = field(default_factory=dict)
+    beam: Beam | None = None
 
     @property
     def materials(self) -> tuple[str, ...]:

@@ -1,0 +1,189 @@
+"""Boxes whose lamp, camera or lens is not as their scene says: what the spectra lose by it.
+
+The box of the demo with drawn paints, white known, curves and lamp known, photographed by a stock
+Mitsuba path tracer from spectra at 1 nm. What is wrong of each photo:
+
+* ``none``: nothing.
+* ``beam``: the lamp, stated as an even ball, is 40 to 70 % a spot of Mitsuba's that looks into the
+  box, up to 12 degrees beside its middle, and falls off linearly to 85 degrees.
+* ``lamp``: it stands 2 cm from where the scene has it, in a drawn direction.
+* ``camera``: it is turned by half a degree about a drawn axis.
+* ``vignetting``: the corners are 20 to 40 % darker, and there is no flat field.
+* ``all``: all four at once.
+* ``tone``: nothing but a tone curve of the photo, of the power .45 to .6.
+
+    python -m benchmarks.bench_scene_estimate --photos FOLDER [--cases 4] [--kinds KIND ...]
+
+Photos are kept in FOLDER for the next run.
+"""
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import spectrabox as sb
+from spectrabox.fixtures.demos import box_render, demo_scenes
+from spectrabox.fixtures.paints import NM
+
+from benchmarks.ledger import boxes, simulated
+
+KINDS = ("none", "beam", "lamp", "camera", "vignetting", "all", "tone")
+SIZE, SPP, WIDTH = (208, 312), 16, 96
+MOVED_CM, TURNED_DEG, CUTOFF_DEG = 2.0, 0.5, 85.0
+MIDDLE_CM = np.array([0.0, 16.5, -20.0])
+SPOT = """
+    <emitter type="spot" id="beam">
+        <float name="cutoff_angle" value="{cutoff}"/><float name="beam_width" value="{width}"/>
+        <transform name="to_world"><lookat origin="{origin}" target="{target}" up="0, 1, 0"/>
+        </transform>{intensity}
+    </emitter>
+</scene>"""
+CAMERA = '<lookat origin="0, 16.5, 69" target="0, 16.5, 0" up="0, 1, 0"/>'
+
+
+def write_box(folder: Path, kind: str, number: int) -> None:
+    """Photo, scene and truth of one box."""
+    rng = np.random.default_rng([53, KINDS.index(kind), number])
+    truth, light, curves = boxes.drawn_box(rng)
+    lamp = np.array(demo_scenes.BOX_LIGHT_CM)
+    facts: dict[str, Any] = {}
+    if kind in ("lamp", "all"):
+        direction = rng.standard_normal(3)
+        facts["lamp_cm"] = (MOVED_CM * direction / np.linalg.norm(direction)).tolist()
+        lamp = lamp + facts["lamp_cm"]
+    share = rng.uniform(0.4, 0.7) if kind in ("beam", "all") else 0.0
+    aim = MIDDLE_CM + rng.uniform(-12, 12, 3)
+    axis = rng.standard_normal(3)
+    turn = np.radians(TURNED_DEG) * axis / np.linalg.norm(axis)
+
+    def edited(xml: str) -> str:
+        xml = replaced(xml, point(demo_scenes.BOX_LIGHT_CM), point(lamp))
+        if kind in ("camera", "all"):
+            xml = replaced(xml, CAMERA, turned(turn))
+        if share and 'id="light"' in xml:
+            xml = replaced(xml, "</scene>", SPOT.format(
+                cutoff=CUTOFF_DEG, width=10, origin=point(lamp), target=point(aim),
+                intensity=demo_scenes.regular_spectrum(
+                    "intensity", NM, share * np.pi * demo_scenes.LIGHT_RADIUS_CM**2 * light)))
+        return xml
+    seen = box_render.box_light(NM, truth, (1 - share) * light, curves, size=SIZE, spp=SPP,
+                                seed=number + 1, edited=edited)
+    if kind in ("vignetting", "all"):
+        facts["corner"] = rng.uniform(0.6, 0.8)
+        seen = seen * falloff(SIZE, facts["corner"])[..., None]
+    if kind == "tone":
+        facts["power"] = rng.uniform(0.45, 0.6)
+        peak = np.percentile(seen, 99, axis=(0, 1))
+        seen = peak * (seen / peak) ** facts["power"]
+    folder.mkdir(parents=True)
+    boxes.take(folder / "box.dng", seen, 0.7, rng)
+    (folder / "box.xml").write_text(demo_scenes.box_scene(SIZE), encoding="utf-8")
+    np.savez(folder / "truth.npz", light=light, curves=curves, **truth)
+    (folder / "facts.json").write_text(json.dumps(facts), encoding="utf-8")
+
+
+def point(place: np.ndarray) -> str:
+    """A point as XML holds it."""
+    return ", ".join(f"{value:g}" for value in np.asarray(place, dtype=float).round(6))
+
+
+def replaced(xml: str, old: str, new: str) -> str:
+    """The text with one part exchanged, which must be there."""
+    assert old in xml, old
+    return xml.replace(old, new)
+
+
+def turned(turn: np.ndarray) -> str:
+    """The camera's lookat, turned by a rotation vector (3,) about its own axes, in radians."""
+    from scipy.spatial.transform import Rotation
+    rotation = Rotation.from_rotvec(turn)
+    target, up = np.array([0, 16.5, 69]) + rotation.apply([0, 0, -69]), rotation.apply([0, 1, 0])
+    return f'<lookat origin="0, 16.5, 69" target="{point(target)}" up="{point(up)}"/>'
+
+
+def falloff(size: tuple[int, int], corner: float) -> np.ndarray:
+    """Light (H, W) that a lens lets through: 1 in the middle, ``corner`` in the corners, as of
+    lenses whose aperture clips from half of the way on.
+    """
+    height, width = size
+    y, x = np.mgrid[:height, :width]
+    radius = np.hypot(x - (width - 1) / 2, y - (height - 1) / 2) / np.hypot(
+        (width - 1) / 2, (height - 1) / 2)
+    return np.asarray(1 - (1 - corner) * (0.5 * radius**2 + 0.5 * radius**3))
+
+
+def measure(folder: Path) -> dict[str, Any]:
+    """Figures of one box, by what users call."""
+    with np.load(folder / "truth.npz") as stored:
+        truth = {name: stored[name] for name in ("white", "green", "red", "cube")}
+        light, curves = stored["light"], stored["curves"]
+    start = time.process_time()
+    found = sb.reconstruct_scene(
+        folder / "box.dng", scene=folder / "box.xml", camera=(NM, curves), light=(NM, light),
+        materials=dict.fromkeys(truth) | {"white": (NM, truth["white"])}, width=WIDTH,
+        draws=1000, device="cpu", progress=False)
+    rows = {name: dict(zip(simulated.FIGURES, map(float, simulated.figures_of_one(
+        found[name], truth[name])), strict=True)) for name in ("green", "red", "cube")}
+    joint = found.reconstruction
+    made = joint.views[0]
+    for name, row in rows.items():
+        true = joint.response @ np.interp(joint.grid.nm, NM, truth[name])
+        off = joint.signal[joint.materials.index(name)] - true
+        row["signal"] = float(np.sqrt(np.mean(off**2)))
+    return {"kind": folder.name.split("-")[0], "box": folder.name, "seconds":
+            time.process_time() - start, "surfaces": rows, "verdict": found.verdict,
+            "headline": found.found.verdict.headline,
+            "findings": [(one.code, one.subject, dict(one.values))
+                         for one in getattr(made, "findings", ())],
+            "facts": json.loads((folder / "facts.json").read_text(encoding="utf-8"))}
+
+
+def table(rows: list[dict[str, Any]]) -> str:
+    """Rows of a table in Markdown: medians and means over the surfaces of each kind's boxes."""
+    lines = ["| what is wrong | boxes | signals off, median | RMSE, median | bands hold | width | "
+             "PASS, WARN, FAIL | seconds of processor |", "|--|--|--|--|--|--|--|--|"]
+    for kind in dict.fromkeys(row["kind"] for row in rows):
+        own = [row for row in rows if row["kind"] == kind]
+        values = {figure: np.array([one[figure] for row in own for one in row["surfaces"].values()])
+                  for figure in ("signal", *simulated.FIGURES)}
+        held = np.array([np.mean([one["held"] for one in row["surfaces"].values()])
+                         for row in own])
+        verdicts = [sum(row["verdict"] == word for row in own) for word in ("pass", "warn", "fail")]
+        lines.append(
+            f"| {kind} | {len(own)} | {np.median(values['signal']):.4f} | "
+            f"{np.median(values['RMSE']):.4f} | {held.mean():.3f} ± "
+            f"{held.std(ddof=1) / np.sqrt(len(own)):.3f} | {values['width'].mean():.3f} | "
+            f"{', '.join(map(str, verdicts))} | {np.median([row['seconds'] for row in own]):.0f} |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--photos", type=Path, required=True, help="folder that keeps the photos")
+    parser.add_argument("--cases", type=int, default=4, help="boxes of each kind")
+    parser.add_argument("--kinds", nargs="*", default=KINDS, choices=KINDS)
+    parser.add_argument("--json", type=Path, help="file that takes all figures")
+    arguments = parser.parse_args()
+    rows = []
+    for kind in arguments.kinds:
+        for number in range(arguments.cases):
+            folder = arguments.photos / f"{kind}-{number}"
+            if not folder.exists():
+                write_box(folder, kind, number)
+            rows.append(measure(folder))
+            row = rows[-1]
+            print(row["box"], {name: (round(one["signal"], 4), round(one["held"], 2)) for name, one
+                               in row["surfaces"].items()}, row["verdict"], row["headline"],
+                  row["facts"], row["findings"], f"{row['seconds']:.0f} s", flush=True)
+            if arguments.json:
+                arguments.json.write_text(json.dumps(rows), encoding="utf-8")
+    print(table(rows))
+
+
+if __name__ == "__main__":
+    main()
