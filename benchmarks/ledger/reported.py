@@ -76,7 +76,8 @@ PHOTOS: dict[str, tuple[Case, ...]] = {
         Case(("chart", "PATH", "--leave-out", "12", "--json"), white=WHITE),
         Case(("camera", "fit", "PATH", "--light", "unknown", "--leave-out", "12", "--out",
               "FOLDER/curves.csv", "--json"), says=('"verdict": "pass"',))),
-    "one_misprinted_patch/patch12_wrong.dng": (_chart(says=("orange yellow reads 29 %",)),)}
+    "one_misprinted_patch/patch12_wrong.dng": (
+        _chart(says=("patches.unlike-reference", '"patch": "orange yellow"')),)}
 
 SPECTRA: dict[str, tuple[Case, ...]] = {
     "axis-unit-in-header/angstrom.csv": (_shown(470.0, GREEN),),
