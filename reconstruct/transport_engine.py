@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.findings import Severity
 from spectrabox.radiometry.interreflection import relative_operator
 from spectrabox.radiometry.records.spectra import Outcome, Progress
-from spectrabox.reconstruct import scene_estimate
+from spectrabox.reconstruct import linearity, scene_estimate
 from spectrabox.reconstruct.agreement import SceneErrors, scene_errors, surface_agreement
 from spectrabox.reconstruct.fit import transport_fit
 from spectrabox.reconstruct.fit.view_terms import Nuisances, ViewFit
@@ -111,6 +112,9 @@ def _with_scene_estimated(
     if errors is None or not scene_estimate.can_be_estimated(stated.view) or max(
             errors.brightness, errors.pattern) < scene_estimate.DISAGREEMENT:
         return tied, fits, solutions
+    curve = linearity.linearity(stated.view, solutions[0].renderings.mean(axis=0))
+    if curve is not None and curve.severity is Severity.FAIL:   # its lamp would take the curve
+        return tied, fits, solutions
     progress(0.75, "estimating pose, lamp and lens")
 
     def solved(view: transport_fit.TracedView) -> tuple[
@@ -121,6 +125,7 @@ def _with_scene_estimated(
                                            lambda traced, part: render(part.signals))
         return found, (fit,), answers
 
+    as_stated = tied, fits, solutions
     parts, turn = [], np.zeros(3)
     for _ in range(scene_estimate.POSE_ROUNDS):
         step = scene_estimate.estimate_pose(stated.view, solutions[0].renderings.mean(axis=0))
@@ -143,15 +148,17 @@ def _with_scene_estimated(
         return trace_transport(unit_scene(view, _bounces(view, settings)), stated.region, spp=spp,
                                seed=settings.seed, exponents=stated.traced.exponents)
     estimate = scene_estimate.estimate_lamp(freed, fitted, trace)
-    if estimate is not None and estimate.view is not stated.view:
+    if estimate is not None and estimate.findings:      # nothing is moved by such a photo
+        tied, fits, solutions = as_stated
+        return tied, fits, tuple(replace(one, findings=(*one.findings, *estimate.findings))
+                                 for one in solutions)
+    if estimate is not None:
         traced = trace_view(estimate.view,
                             unit_scene(estimate.view, _bounces(stated.view, settings)),
                             stated.region, stated.group, settings.seed, lambda done, what: None)
         tied, fits, solutions = solved(replace(stated, view=estimate.view, traced=traced))
         parts += estimate.parts
-    findings = () if estimate is None else estimate.findings
-    if parts:
-        findings = (*findings, scene_estimate.finding(parts))
+    findings = (scene_estimate.finding(parts),) if parts else ()
     covariance = {} if estimate is None else estimate.covariance
     return tied, fits, tuple(replace(
         one, findings=(*one.findings, *findings), scene_covariance=covariance)
