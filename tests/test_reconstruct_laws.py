@@ -26,7 +26,7 @@ from spectrabox.reconstruct.misfit import surface_tests
 from spectrabox.reconstruct.pixel_light import LightNodes
 from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
 from spectrabox.reconstruct.replay import Truth, _gains, _photographed
-from spectrabox.reconstruct.scene.light_position import _solve, _whitening
+from spectrabox.reconstruct.scene.light_position import _solve, whitening
 from spectrabox.reconstruct.scene.scene_file import read_profile, relative_radiance
 from spectrabox.reconstruct.scene.surfaces import hits_of, region_means
 from spectrabox.reconstruct.tracer.transport import TracedTransport
@@ -209,7 +209,7 @@ def test_whitened_residuals_of_a_light_are_independent_where_bands_err_together(
     common, own = np.array([4e-4, 1e-4]), np.array([[1e-4, 2e-4, 3e-4], [1e-5, 1e-4, 2e-5]])
     draws = np.sqrt(common)[:, None] * rng.standard_normal((20_000, 2, 1)) \
         + np.sqrt(own) * rng.standard_normal((20_000, 2, 3))
-    white = np.einsum("rkl,trl->trk", _whitening(common, own), draws)
+    white = np.einsum("rkl,trl->trk", whitening(common, own), draws)
     for region in (0, 1):
         # 20 000 draws know a variance to 1 %, a covariance to 0.7 %
         np.testing.assert_allclose(np.cov(white[:, region].T), np.eye(3), atol=0.05)
