@@ -42,7 +42,7 @@ def test_photos_and_charts_are_refused_in_a_sentence(photo, tmp_path):
     with pytest.raises(InputError, match="corners= is four points"):
         sb.find_chart(photo, corners=CORNERS)
     for function in (sb.open_photo, lambda none: sb.fit_camera(none, light="D65")):
-        with pytest.raises(InputError, match="no photo was given"):
+        with pytest.raises(InputError, match=r"no photo was given|either photos"):
             function([])
     for turn in (0, 9):
         with pytest.raises(InputError, match=f"orientation={turn} is none of EXIF's, 1 to 8"):

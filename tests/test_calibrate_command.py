@@ -77,7 +77,8 @@ def test_noise_free_signals_that_were_simulated_at_5_nm_are_fitted(tmp_path):
                delimiter=",", header="X,Y,Z", comments="")
     result = run("camera", "fit", "--patches", tmp_path / "p.csv", "--light", "D65", "--json")
     assert result.exit_code == 0, result.output      # as exact ones no camera explains them
-    assert any("0.4% is assumed" in check for check in json.loads(result.stdout)["checks"])
+    assert "patches.errors-assumed" in {one["code"]
+                                        for one in json.loads(result.stdout)["findings"]}
 
 
 def test_draws_can_be_kept(chart, tmp_path):

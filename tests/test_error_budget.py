@@ -176,7 +176,7 @@ def test_what_the_light_did_between_the_photos_befalls_all_bands_of_a_photo_and_
                                         light_scale=LightScale(2.0, 0.02, None, "chart"))
                     for light in LIGHTS]
     answer = joint(coefficients)
-    scales = (with_common_error(answer.views[0].light_scale, "lamp", 0.04),
+    scales = (with_common_error(answer.views[0].light_scale, REPEATABILITY, 0.04),
               answer.views[1].light_scale)
     answer = dataclasses.replace(answer, views=tuple(SimpleNamespace(light_scale=scale)
                                                      for scale in scales))

@@ -67,9 +67,8 @@ def test_bsdfs_that_are_written_alike_become_one_material(tmp_path):
 
 def test_the_bsdf_is_found_among_other_references(tmp_path):
     both = '<ref id="air" name="interior"/><ref id="mat-Paint" name="bsdf"/>'
-    scene = scene_of(tmp_path, PAINT, '<medium type="homogeneous" id="air"/>',
-                     FLOOR.format(bsdf=both))
-    assert scene.surfaces == {"Floor": "mat-Paint"}
+    with pytest.raises(InputError, match="'Floor' is in a medium"):     # it is no BSDF
+        scene_of(tmp_path, PAINT, '<medium type="homogeneous" id="air"/>', FLOOR.format(bsdf=both))
 
 
 def test_an_instance_becomes_the_shapes_of_its_group(tmp_path):

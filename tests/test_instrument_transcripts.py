@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from spectrabox.capture.meter.instruments.instrument_errors import (
+    InstrumentError,
     NoReplyError,
     UntrustedReadingError,
 )
@@ -75,12 +76,12 @@ def test_what_passed_before_a_crash_is_kept(tmp_path):
     (START.replace("# instrument: pr655\n", "") + '> 0.0 "x"\n', "names no instrument"),
     (START.replace("# line: 9600\n", "") + '> 0.0 "x"\n', "'# line: 9600' is needed"),
     (START.replace("pr655", "pr999") + '> 0.0 "x"\n', "no driver for 'pr999'"),
-    (START + '# settings: colour=red\n> 0.0 "Q"\n> 0.0 "PHOTO"\n', "no complete reply"),
+    (START + '# settings: colour=red\n> 0.0 "Q"\n> 0.0 "PHOTO"\n', "the recording ends"),
     (START + '# readings: many\n> 0.0 "Q"\n', "states 'many' readings")])
 def test_a_bad_transcript_gets_one_sentence(tmp_path, text, message):
     path = tmp_path / "t"
     path.write_text(text)
-    with pytest.raises((InputError, NoReplyError), match=message):
+    with pytest.raises((InputError, InstrumentError), match=message):
         replay_transcript(read_transcript(path))
 
 

@@ -71,7 +71,7 @@ def test_picture_and_swatches_of_eight_regions_agree(painting, tmp_path):
     assert np.median(differences(raw)) > 2 * MAX_MEDIAN     # what it is corrected from
     # tagged, in the file and in the report, which shows this one and holds the other hidden
     assert b"iCCP" in picture.read_bytes()
-    html = str(render_report(results).page)
+    html = str(render_report(results)[0])
     images = re.findall(r'<image (class="raw" )?[^>]*href="data:image/png;base64,([^"]+)"', html)
     (first, content), (second, other) = images[:2]
     np.testing.assert_array_equal(pixels(base64.b64decode(content), tmp_path / "a.png"), shown)
