@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -91,9 +92,14 @@ def write(name: str, folder: Path) -> None:
 def spectrum(name: str) -> np.ndarray:
     """Reflectance (P,) at NM: "chart PATCH", a paint or a pigment of fixtures/paints.py."""
     if name.startswith("chart "):
-        table = chart.chart_reflectances(chart.COPIES_SINCE_2014, grid_from_nm(NM))
-        return np.asarray(table[chart.PATCH_NAMES.index(name.removeprefix("chart "))])
+        return chart_table()[chart.PATCH_NAMES.index(name.removeprefix("chart "))]
     return paints.PIGMENTS[name] if name in paints.PIGMENTS else paints.paint(name)[1]
+
+
+@cache
+def chart_table() -> np.ndarray:
+    """Reflectances (24, P) at NM of the chart."""
+    return np.asarray(chart.chart_reflectances(chart.COPIES_SINCE_2014, grid_from_nm(NM)))
 
 
 def light(name: str) -> np.ndarray:

@@ -17,6 +17,7 @@ import numpy as np
 
 from spectrabox.fixtures.demos import box_render
 
+PHOTO = "photo.exr"
 SPP, SEGMENTS, SEED = 1024, 24, 53
 REFLECTANCES = ("reflectance", "diffuse_reflectance", "specular_reflectance", "base_color")
 STRENGTHS = ("radiance", "intensity", "irradiance")
@@ -31,7 +32,9 @@ def photograph(folder: Path, spp: int = SPP) -> None:
     lit = signal[signal.max(axis=-1) > 0]
     signal *= BRIGHTEST / np.percentile(lit.max(axis=-1), 99)
     bitmap = mi.Bitmap(np.minimum(signal, 1).astype(np.float32), mi.Bitmap.PixelFormat.RGB)
-    bitmap.write(str(folder / "photo.exr"))
+    unfinished = folder / "unfinished.exr"
+    bitmap.write(str(unfinished))
+    unfinished.replace(folder / PHOTO)
 
 
 def true_xml(folder: Path) -> str:

@@ -105,12 +105,16 @@ def rmse_of(off: np.ndarray) -> float:
     return float(np.sqrt(np.mean(off**2, axis=1)).mean())
 
 
+def to_find(scene: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Wavelengths and true spectra of the materials of a scene's folder that are not given."""
+    nm, truth = read_spectra(scene / "truth.csv")
+    _, known = read_spectra(scene / "known.csv")
+    return nm, {name: values for name, values in truth.items() if name not in known}
+
+
 def scored_file(answer: Path, scene: Path) -> Score:
     """Score a file of answers by the folder of its scene."""
-    true_nm, truth = read_spectra(scene / "truth.csv")
-    _, known = read_spectra(scene / "known.csv")
-    return scored(*read_spectra(answer), true_nm,
-                  {name: values for name, values in truth.items() if name not in known})
+    return scored(*read_spectra(answer), *to_find(scene))
 
 
 def read_spectra(path: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:
