@@ -8,7 +8,7 @@ from pathlib import Path
 from benchmarks.ledger.task import Task
 from benchmarks.scenes import made, measure, render, score
 
-SCENES = ("environment", "two-lamps")
+SCENES = ("environment", "cornell-painted")
 SPP = 256               # of the photo
 
 
