@@ -20,6 +20,7 @@ from .api.photo import ChartInPhoto as ChartInPhoto
 from .api.photo import Photo as Photo
 from .api.photo import find_chart as find_chart
 from .api.photo import open_photo as open_photo
+from .api.pictures import PixelSpectra as PixelSpectra
 from .api.pictures import uplift as uplift
 from .api.scene import SceneSpectra as SceneSpectra
 from .api.scene import reconstruct_scene as reconstruct_scene
