@@ -161,7 +161,12 @@ def test_fingers_move_and_zoom_the_photo_and_mark_where_they_stay(browser, calib
         page.wait_for_selector('#marks input[data-name="sample 1"]', state="attached")
         x0, y0, x1, y1 = regions_of(session)["sample 1"]["rect"]
         assert ((x0 + x1) / 2, (y0 + y1) / 2) == pytest.approx((60, 260), abs=2)
-        assert x1 - x0 == pytest.approx(y1 - y0, abs=0.2) and x1 - x0 > 12 and still() == whole
+        assert x1 - x0 == pytest.approx(y1 - y0, abs=0.2) and x1 - x0 > 12
+        # neither its spectrum below nor the verdict above takes room from the photo, also while
+        # the finish is asked for
+        page.wait_for_selector("#looked-at.filled")
+        page.wait_for_selector("body[data-result=true]")
+        assert page.is_visible("#ask") and still() == whole
         page.click('[data-mode="region"]')
         stroke((140, 250), (180, 290))                       # with the tool one finger draws
         page.wait_for_selector('#marks input[data-name="sample 2"]', state="attached")

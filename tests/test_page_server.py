@@ -153,7 +153,7 @@ def test_the_pixels_under_the_pointer_are_those_of_the_file(session, tmp_path, m
         np.testing.assert_allclose(said["signal"], wanted, rtol=1e-6)
         assert asked(f"{address}/api/size?role=photo")[1] == {
             "size": [480, 320], "bands": 3, "tile": 100, "step": 2.0, "pixels": [240, 160],
-            "camera": True}
+            "camera": False}      # its file states a matrix of an unknown light
         status, said = asked(f"{address}/api/value?role=photo&x=480&y=5")
         assert status == 409 and "480 x 320" in said["error"]
 

@@ -91,9 +91,9 @@ def test_eight_tasks_take_no_more_clicks_than_the_how_to_says(tmp_path, opened):
             page.keyboard.press("Enter")
             page.wait_for_selector("#said:has-text('tells how bright the light is')")
         assert session_of(session)["regions"]["white card"]["known"].endswith("0.87.csv")
-        page.wait_for_selector("[data-chip=measured]")
-        page.click("[data-chip=measured]")
-        page.wait_for_selector("#panel [data-condition='light on the sample']")
+        # a number without the reading that it is from: stated, not measured
+        page.click("#chips .stated[data-chip='light on the sample']")
+        page.wait_for_selector("#panel:has-text('as bright as stated')")
         page.keyboard.press("Escape")
         with within(page, "Add a photo through a gel", tried) as files:
             page.click("text=+ Photo")

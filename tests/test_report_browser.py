@@ -78,7 +78,8 @@ WHAT_HAS_FOCUS = """() => {
   const all = [...document.querySelectorAll("svg, summary, a, .scroll")];
   return {kind: focused.tagName.toLowerCase(), at: all.indexOf(focused),
           outlined: style.outlineStyle !== "none" && parseFloat(style.outlineWidth) > 0,
-          name: focused.getAttribute("aria-label") || focused.textContent.trim(),
+          name: focused.getAttribute("aria-label")
+            || (focused.labels?.[0] ?? focused).textContent.trim(),
           readout: box !== null && box.querySelector("script.readout") !== null};
 }"""
 
@@ -165,7 +166,7 @@ def test_the_report_prints_whole(opened, tmp_path):
     printed = squeezed("".join(sheet.extract_text() for sheet in sheets))
     wanted = page.evaluate("""[...document.querySelectorAll(
         "h1, h2, h3, summary, p, li, figcaption, td, th, svg text")].filter(
-        (one) => !one.closest("nav, details")).map((one) => one.textContent)""")
+        (one) => !one.closest("nav, details:not(#conditions)")).map((one) => one.textContent)""")
     assert len(wanted) > 100
     missing = [text for text in wanted if squeezed(text) not in printed]
     assert missing == []

@@ -97,8 +97,8 @@
     const link = event.target.closest("a[href^='#']");
     if (link && link.getAttribute("href") === location.hash) unfold();
   });
-  // On paper cards are open: what is known of a surface is read there too.
-  const folded = "details.on-card:not([open]), details.method:not([open])";
+  // On paper cards are open, and so is what the verdict rests on: both are read there too.
+  const folded = ["details.on-card", "details.method", "#conditions"].map((one) => `${one}:not([open])`).join();
   let opened = [];
   window.addEventListener("beforeprint", () => {
     opened = [...document.querySelectorAll(folded)];
