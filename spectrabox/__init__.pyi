@@ -25,6 +25,8 @@ from .api.pictures import uplift as uplift
 from .api.scene import SceneSpectra as SceneSpectra
 from .api.scene import reconstruct_scene as reconstruct_scene
 from .api.session import Session as Session
+from .api.shape import ShapeSpectra as ShapeSpectra
+from .api.shape import fit_shape as fit_shape
 from .api.signals import match as match
 from .api.signals import sample as sample
 from .measure.surfaces.colour_comparison import ColourComparison as ColourComparison
