@@ -1,7 +1,9 @@
 """``spectrabox uplift`` as a user types it: seconds, CPU seconds, memory and what is written, by
 pictures of one megapixel and more.
 
-The pictures are the demo's 24 measured reflectances in patches, shaded, with 1 % of noise.
+The pictures are the demo's 24 measured reflectances in patches, shaded, with 1 % of noise. With
+``--colours`` ``sb.uplift`` of 256 x 256 random colours of sRGB, in CPU seconds and as a multiple of
+the import of what it needs, which the first pixels pay.
 """
 from __future__ import annotations
 
@@ -61,12 +63,40 @@ def row(megapixels: float, options: list[str]) -> dict[str, float]:
                 "written_mb": sum(path.stat().st_size for path in out.iterdir()) / 1e6}
 
 
+MANY_COLOURS = """
+import time
+started = time.process_time()
+import numpy as np
+import spectrabox as sb
+sb.uplift(np.full((1, 1, 3), 0.5), encoded=True, progress=False)
+imported = time.process_time()
+image = np.random.default_rng(0).integers(0, 256, (256, 256, 3), dtype=np.uint8)
+sb.uplift(image, encoded=True, progress=False)
+print(imported - started, time.process_time() - imported)
+"""
+
+
+def of_many_colours() -> tuple[float, float]:
+    """CPU seconds of the import with the first pixel, and of a picture of random colours."""
+    done = subprocess.run([sys.executable, "-c", MANY_COLOURS], check=True, text=True,
+                          capture_output=True, env=os.environ | {"OPENBLAS_NUM_THREADS": "1"})
+    first, picture = map(float, done.stdout.split())
+    return first, picture
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--megapixels", type=float, nargs="+", default=[1, 12])
     parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--colours", action="store_true", help="random colours by sb.uplift alone")
     parser.add_argument("options", nargs="*", help="of the command, after --")
     arguments = parser.parse_args()
+    if arguments.colours:
+        print(f"{'import s':>10} {'picture s':>10} {'ratio':>7}")
+        for _ in range(arguments.repeats):
+            first, picture = of_many_colours()
+            print(f"{first:10.2f} {picture:10.2f} {picture / first:7.2f}", flush=True)
+        return
     print(f"{'megapixels':>10} {'s':>7} {'CPU s':>7} {'memory MB':>10} {'written MB':>11}")
     for megapixels in arguments.megapixels:
         runs = [row(megapixels, arguments.options) for _ in range(arguments.repeats)]

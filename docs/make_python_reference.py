@@ -13,22 +13,25 @@ import spectrabox as sb
 PAGE = Path(__file__).resolve().parent / "reference" / "python.md"
 REPOSITORY = PAGE.parents[2]
 GROUPS = {
-    "From a photo": ["open_photo", "find_chart", "flat", "fit_camera", "reconstruct_scene"],
+    "From a photo": ["open_photo", "find_chart", "flat", "fit_camera", "reconstruct_scene",
+                     "fit_shape"],
     "From signals": ["sample", "uplift", "match"],
     "From a name": ["camera", "cameras", "lights"],
     "From an instrument": ["measure_spectrum"],
     "What to do next": ["advise"],
     "Sessions": ["Session"],
     "What the functions return": ["Photo", "ChartInPhoto", "CameraEstimate", "KnownCamera",
-                                  "SpectrumEstimate", "SpectrumEstimates", "MeasuredSpectra",
+                                  "SpectrumEstimate", "SpectrumEstimates", "PixelSpectra",
+                                  "MeasuredSpectra",
                                   "FlatSpectra",
-                                  "SceneSpectra", "ColourComparison", "ChartCheck",
+                                  "SceneSpectra", "ShapeSpectra", "ColourComparison", "ChartCheck",
                                   "ColourProfile", "MatrixComparison", "MeterReading"],
     "Errors": ["SpectraboxError", "InputError", "CheckError", "ChartNotFoundError",
                "ClippedPhotoError", "CalibrationError", "ConvergenceError", "EnvironmentProblem"]}
 SECTIONS = ("Parameters", "Attributes", "Returns", "Raises", "References", "Examples")
 # examples that tests/test_docs.py does not run
-NOT_RUN = {"measure_spectrum": "needs-meter", "MeterReading": "needs-meter"}
+NOT_RUN = {"measure_spectrum": "needs-meter", "MeterReading": "needs-meter",
+           "fit_shape": "needs-photos", "ShapeSpectra": "needs-photos"}
 HEAD = """\
 # Python reference
 

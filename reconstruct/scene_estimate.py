@@ -7,6 +7,9 @@ and what is not known besides: the light scale, gains of bands, every paint in e
 brightness of every surface. All have Gaussian priors around what is stated. Derivatives are those
 of the traced transport: the same paths with the lamp moved to and fro, or with another beam.
 
+Painted patterns are no errors of the scene: each surface weighs by what its own blocks leave
+unexplained, and nothing is estimated where lamp and lens explain less than half of it.
+
 A tone curve would be taken for a lamp elsewhere: its power is one more unknown of a first fit, and
 where it is not 1 nothing is estimated.
 """
@@ -39,10 +42,14 @@ SURFACE_ERROR = 0.01        # of a surface's brightness, besides a tilt of 1 deg
 BLOCK_ERROR, PATTERN_TERMS = 0.01, 6
 POWER_ERROR = 0.5           # of a tone curve's power
 BEAM_STEP, LAMP_STEP = 0.1, 0.015       # of the derivatives; the second of the surfaces' extent
+WEIGHING_ROUNDS = 3         # in which a surface's own pattern is told
 HUBER = 3.0                 # standard deviations beyond which a block's pull grows no more
 SLOPE_SPP, SOLVED_SPP = 64, 256     # paths per pixel of a derivative's traces, of a fit's
 DISAGREEMENT = 0.01         # of surfaces, or within them, from which the scene is estimated
 CHANCE = 1e-3               # that a right scene shows as much
+# of the variance of the blocks: where lamp and lens explain less, paints are uneven and send uneven
+# light on to other surfaces
+EXPLAINED = 0.5
 TINY = 1e-300
 GROUPS = {"lamp": slice(0, 3), "beam": slice(3, 3 + TERMS),
           "vignetting": slice(3 + TERMS, 5 + TERMS)}
@@ -233,7 +240,7 @@ def estimate_lamp(stated: TracedView, solve: Callable[[TracedView], ViewFit],
     problem = _LampProblem(stated, lambda view: trace(view, SLOPE_SPP), solve(stated))
     powers = [problem.power()]
     found, gain = problem.solved()
-    if gain < chdtri(found.lamp.size, CHANCE):
+    if gain < chdtri(found.lamp.size, CHANCE) or problem.explained(found.weight) < EXPLAINED:
         return None
     view = problem.changed(found.lamp)
     traced = replace(stated, view=view, traced=trace(view, SOLVED_SPP))
@@ -288,17 +295,18 @@ class _LampProblem:
             (width - 1) / 2, (height - 1) / 2)
         self.falloff = np.column_stack([radius**2, radius**4])
         self.trace, self.kept = trace, kept
-        self.start_from(np.zeros(5 + TERMS), traced, fit)
+        self._linearise(np.zeros(5 + TERMS), traced, fit)
         self.prior = np.r_[np.full(3, linearity.LAMP_ERROR * self.extent), PRIOR,
                            np.full(2, FALLOFF_ERROR)]
         group = traced.group[kept]
         blocks = np.bincount(group)[group]
         pixels = np.bincount(traced.region[traced.region >= 0])[kept]
         noise = region_means(self.view.photo.variance.astype(float), traced.region)[kept]
-        pattern = BLOCK_ERROR**2 * np.maximum(blocks / PATTERN_TERMS, 1)
-        self.white = whitening(pattern + traced.traced.relative_variance[kept], pattern[:, None]
-                               + noise / pixels[:, None] / traced.measured[kept] ** 2)
+        self.group, self.correlated = group, np.maximum(blocks / PATTERN_TERMS, 1)
+        self.common_noise = traced.traced.relative_variance[kept]
+        self.noise = noise / pixels[:, None] / traced.measured[kept] ** 2
         self._add_unknown(group, tangent[kept])
+        self._weigh()
 
     def _add_unknown(self, group: np.ndarray, tangent: np.ndarray) -> None:
         """Columns (R, K, U) and standard deviations (U,) of all that is unknown besides the lamp;
@@ -327,6 +335,47 @@ class _LampProblem:
             np.full(bands, GAIN_ERROR), FREE, np.hypot(SURFACE_ERROR, tilt)]
 
     def start_from(self, lamp: np.ndarray, traced: TracedView, fit: ViewFit) -> None:
+        """Take residuals (R, K) from lamp and lens as estimated, with derivatives and weights."""
+        self._linearise(lamp, traced, fit)
+        self._weigh()
+
+    def _weigh(self) -> None:
+        """Whitening (R, K, K) of the blocks, by what each surface's own leave unexplained.
+
+        A pattern that is painted on a surface is not as many independent errors as it fills
+        blocks: however large it is, it has ``PATTERN_TERMS`` of them.
+        """
+        own = np.full(self.residual.shape[0], BLOCK_ERROR**2)
+        for _ in range(WEIGHING_ROUNDS):
+            pattern = own * self.correlated
+            self.white = whitening(pattern + self.common_noise, pattern[:, None] + self.noise)
+            left = self._least_squares(self.columns, self.prior,
+                                       np.where(self.dark, 0.0, 1.0))[2]
+            # half of the variance is common to the bands
+            unexplained = self._beyond_noise(left) / 2
+            for surface in np.unique(self.group):
+                blocks = (self.group == surface) & ~self.dark
+                if blocks.any():
+                    own[self.group == surface] = max(
+                        BLOCK_ERROR**2, float(np.median(unexplained[blocks])))
+
+    def _beyond_noise(self, left: np.ndarray) -> np.ndarray:
+        """Squares (R,) of residuals (R, K), mean over the bands, less their noise."""
+        return np.asarray(np.mean(left**2 - self.noise, axis=1) - self.common_noise)
+
+    def explained(self, weight: np.ndarray) -> float:
+        """Share of the blocks' variance beyond noise that lamp and lens explain.
+
+        Parameters
+        ----------
+        weight : (R,) array
+        """
+        without, left = (weight @ self._beyond_noise(self._least_squares(
+            self.columns[..., :count], self.prior[:count], weight)[2])
+            for count in (0, self.prior.size))
+        return 1 - float(max(left, 0) / max(without, TINY))
+
+    def _linearise(self, lamp: np.ndarray, traced: TracedView, fit: ViewFit) -> None:
         """Residuals (R, K) with lamp and lens as estimated, and their derivatives (R, K, L)."""
         self.start, self.signals = lamp, fit.signals
         slopes = self._slopes()[:, self.kept]

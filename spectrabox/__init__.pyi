@@ -20,10 +20,13 @@ from .api.photo import ChartInPhoto as ChartInPhoto
 from .api.photo import Photo as Photo
 from .api.photo import find_chart as find_chart
 from .api.photo import open_photo as open_photo
+from .api.pictures import PixelSpectra as PixelSpectra
 from .api.pictures import uplift as uplift
 from .api.scene import SceneSpectra as SceneSpectra
 from .api.scene import reconstruct_scene as reconstruct_scene
 from .api.session import Session as Session
+from .api.shape import ShapeSpectra as ShapeSpectra
+from .api.shape import fit_shape as fit_shape
 from .api.signals import match as match
 from .api.signals import sample as sample
 from .measure.surfaces.colour_comparison import ColourComparison as ColourComparison

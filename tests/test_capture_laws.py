@@ -123,12 +123,13 @@ def test_a_tone_curve_that_is_a_power_changes_nothing_of_how_well_a_chart_is_exp
     rng = np.random.default_rng(94)
     noise = 1 + 0.03 * rng.standard_normal((24, 3))
     signals = np.array([0.4, 0.7, 0.5]) * TYPICAL_SIGNALS * noise
-    ours, theirs = (_log_fit(each, TYPICAL_SIGNALS, CLASSIC, np.ones(24, bool))
+    kept = np.ones(24, bool)
+    ours, theirs = (_log_fit(each, TYPICAL_SIGNALS, CLASSIC, kept)
                     for each in (signals, signals**power))
     # logarithms of a power are a multiple: round-off
     assert theirs == pytest.approx((ours[0], power * ours[1]), rel=1e-9)
-    for one, other in zip(_mixture_fit(signals, TYPICAL_SIGNALS, 1.0, CLASSIC),
-                          _mixture_fit(signals**power, TYPICAL_SIGNALS, power, CLASSIC),
+    for one, other in zip(_mixture_fit(signals, TYPICAL_SIGNALS, 1.0, CLASSIC, kept),
+                          _mixture_fit(signals**power, TYPICAL_SIGNALS, power, CLASSIC, kept),
                           strict=True):
         np.testing.assert_allclose(other, one, rtol=1e-7)
 

@@ -21,6 +21,7 @@ from spectrabox.radiometry.appearance import (
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.session.cli import app
+from spectrabox.session.signals.signal_options import response_of_names
 
 COLOURS = np.array([[200, 100, 50], [90, 140, 70], [128, 128, 128], [60, 70, 130]], np.uint8)
 PICTURE = np.repeat(np.repeat(COLOURS.reshape(2, 2, 3), 4, axis=0), 5, axis=1)      # 8 x 10
@@ -121,11 +122,16 @@ def test_pixels_come_back_to_their_colours_or_are_counted(tmp_path, options):
                                       str(tmp_path / "out"), "--quiet", "--json", *options])
     facts = json.loads(result.stdout)
     assert result.exit_code == 0
+    assert facts["delta_e00"] == str(tmp_path / "out" / "delta_e00.exr")
+    written = oiio.ImageInput.open(facts["delta_e00"])
+    assert written.spec().channelnames == ("delta_e00",)
+    apart = np.asarray(written.read_image("float"))[0, ::16, 0]
     nm, mean = layers_of(tmp_path / "out" / "mean.exr")
     fine = np.array([np.interp(PRIOR_GRID.nm, nm, row) for row in mean[0, ::16].astype(float)])
     wanted = appearance.lab_from_xyz(signal_of_srgb(np.array(CORNERS) / 255), np.ones(3))
     off = appearance.ciede2000(appearance.reflectance_to_lab(PRIOR_GRID.nm, fine), wanted)
     # half floats, and an observer of 5 nm for one of 1 nm, add up to 0.2
+    np.testing.assert_allclose(apart, off, atol=0.3 if "20" not in options else 1)
     assert np.mean(off > 0.7) <= facts["colours_off"] <= np.mean(off > 0.3)
     assert facts["colours_off"] < 0.2
     assert (facts["table_delta_e00"]["largest"] > 1) == any("--side" in each
@@ -134,11 +140,39 @@ def test_pixels_come_back_to_their_colours_or_are_counted(tmp_path, options):
         assert facts["table_delta_e00"]["largest"] > 1
 
 
-def test_a_colour_that_no_reflectance_has_is_counted_and_left_near():
+def test_a_colour_that_no_reflectance_has_is_left_near():
     response = np.eye(3) @ np.repeat(np.eye(3), 3, axis=1) / 3
     mean = np.full((2, 9), 0.5)
-    spectra, off = with_colours(mean, np.array([[0.4, 0.5, 0.6], [1.5, 0.5, 0.5]]), response)
-    assert off == 1
+    spectra = with_colours(mean, np.array([[0.4, 0.5, 0.6], [1.5, 0.5, 0.5]]), response)
     # eight digits are more than the colours need
     np.testing.assert_allclose(spectra[0] @ response.T, [0.4, 0.5, 0.6], atol=1e-6)
     assert np.all(spectra <= 1)
+
+
+def test_how_far_a_spectrum_is_from_the_colour_of_its_pixel():
+    """Next to none where a reflectance has it; of a screen's primaries, by the spectrum itself."""
+    picture = np.array([[[128, 128, 128], [200, 100, 50]], [[0, 255, 0], [0, 0, 255]]], np.uint8)
+    pixels = sb.uplift(picture, encoded=True)
+    mean, deviation = pixels
+    assert mean is pixels.mean and deviation is pixels.standard_deviation
+    wanted = appearance.lab_from_xyz(signal_of_srgb(picture / 255), np.ones(3))
+    off = appearance.ciede2000(appearance.reflectance_to_lab(PRIOR_GRID.nm, mean), wanted)
+    # an observer of 5 nm for one of 1 nm
+    np.testing.assert_allclose(pixels.delta_e00, off, atol=0.2)
+    assert pixels.delta_e00[0].max() < 0.13      # nearer ones are left as they are
+
+
+def test_how_far_a_spectrum_is_from_a_camera_s_signal():
+    """Of signals of a smooth surface nothing is left; of one that no surface gives, as much as the
+    signal of the spectrum is off, whatever the camera.
+    """
+    surface = np.interp(PRIOR_GRID.nm, [400, 500, 600, 700], [0.1, 0.2, 0.5, 0.6])
+    for camera in ("Nikon 5100 (NPL)", "CIE 1931 2 Degree Standard Observer"):
+        response = response_of_names(camera, "D65")
+        image = np.array([[response @ surface, [0.02, 0.6, 0.02]]])
+        pixels = sb.uplift(image, camera=camera, light="D65")
+        assert pixels.delta_e00[0, 0] < 1 < 5 < pixels.delta_e00[0, 1]
+    # the observer's signal is the colour
+    wanted = appearance.lab_from_xyz(image, np.ones(3))
+    off = appearance.ciede2000(appearance.reflectance_to_lab(PRIOR_GRID.nm, pixels.mean), wanted)
+    np.testing.assert_allclose(pixels.delta_e00, off, rtol=0.02, atol=0.2)

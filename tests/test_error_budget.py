@@ -14,6 +14,7 @@ from spectrabox.measure.surfaces.surface_signals import (
     scene_signals,
 )
 from spectrabox.radiometry.error_model import (
+    REPEATABILITY,
     light_covariance,
     sensitivity_covariance,
     with_common_error,
@@ -183,7 +184,8 @@ def test_what_the_light_did_between_the_photos_befalls_all_bands_of_a_photo_and_
     parts = errors_by_cause(scene_signals(answer, calibrations), 0)
     signal = answer.signal[0]
     # Round-off. Curves that were fitted give every band its own scale; the lamp's error is common.
-    np.testing.assert_allclose(parts["lamp"][:3, :3], 0.04**2 * np.outer(signal[:3], signal[:3]))
-    np.testing.assert_array_equal(parts["lamp"][3:], 0)
+    np.testing.assert_allclose(parts[REPEATABILITY][:3, :3],
+                               0.04**2 * np.outer(signal[:3], signal[:3]))
+    np.testing.assert_array_equal(parts[REPEATABILITY][3:], 0)
     np.testing.assert_allclose(parts["light scale"][:3, :3],
                                np.diag((SCALE_ERRORS[0] * signal[:3]) ** 2))

@@ -377,6 +377,9 @@ def test_a_shadow_across_the_chart_is_said(flat_session):
     write_photo(flat_session / "photos" / "sample.dng", picture(light=light), Fraction(1, 60),
                 np.random.default_rng(9))
     off, = [one for one in run(flat_session).records.calibrate.findings
-            if one.code == "patches.unlike-reference"]
-    darker = {row["patch"]: row["brighter"] for row in off.values["patches"]}
-    assert darker["light skin"] < -0.1 and off.severity is Severity.WARN
+            if one.severity is Severity.WARN]
+    # named, since no other cause leaves two patches beside each other dark alone
+    assert off.code == "calibration.cause" and off.values["causes"] == ["shadow-edge"]
+    darker = {row["patch"]: row["brighter"]
+              for row in off.values["doubts"]["patches.unlike-reference"]["patches"]}
+    assert darker["light skin"] < -0.1 and darker["dark skin"] < -0.1

@@ -21,6 +21,7 @@ from spectrabox.reconstruct.tracer.transport import shaded_images, trace_transpo
 from spectrabox.reconstruct.transport_engine import (
     FEW_SPP,
     FIRST_SPP,
+    MORE_SPP,
     require_lit,
     trace_view,
     unit_scene,
@@ -183,11 +184,14 @@ def test_light_that_few_paths_miss_is_looked_for_by_all_of_the_first_trace(box, 
 
     monkeypatch.setattr(transport_engine, "trace_transport", traced)
     dim = False
-    needed = require_lit([shot], plain_settings(7))
-    assert followed == [FEW_SPP]
+    needed, _ = require_lit([shot], plain_settings(7))
+    # a second trace and a longer one are timed; together they are shorter than the first of a fit
+    timed = [FEW_SPP, FEW_SPP, MORE_SPP]
+    assert followed == timed and sum(timed) < FIRST_SPP / 2
     dim = True
-    assert require_lit([shot], plain_settings(7)) == needed > 0
-    assert followed == [FEW_SPP, FEW_SPP, FIRST_SPP]
+    bytes_needed, _ = require_lit([shot], plain_settings(7))
+    assert bytes_needed == needed > 0
+    assert followed == [*timed, *timed, FIRST_SPP]
 
 
 def test_the_few_paths_are_among_those_of_the_first_trace(box, photo):

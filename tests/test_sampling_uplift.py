@@ -22,6 +22,7 @@ from spectrabox.sampling.prior.mixture import (
 from spectrabox.sampling.prior.summaries import summaries
 from spectrabox.sampling.prior.uplift_table import (
     build_tables,
+    interpolation,
     lattice,
     outside,
     relative_errors,
@@ -80,6 +81,16 @@ def test_between_its_points_the_table_is_near_the_direct_way(table):
     direct = uplift_signals(load_prior(), table.relative_response, signals,
                             relative_errors(signals, 0.01))
     assert 0 < np.sqrt(np.mean((uplift_pixels(table, signals)[0] - direct.mean)**2)) < 0.1
+
+
+def test_the_signals_of_a_cell_make_up_the_pixel_s_own():
+    """Where no corner of the cell is brighter than white."""
+    rng = np.random.default_rng(4)
+    signals = rng.uniform(0.006, 0.3, (2000, 1)) * rng.uniform(0.3, 2, (2000, 3))
+    again = interpolation(np.arange(21**3).reshape((21,) * 3), 21**3, signals) \
+        @ lattice(21).reshape(-1, 3)
+    # single floats, of which differences are taken
+    np.testing.assert_allclose(again, signals, rtol=2e-5)
 
 
 def test_pixels_that_no_reflectance_gives_are_counted(table):

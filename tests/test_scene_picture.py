@@ -24,7 +24,7 @@ from spectrabox.measure.pictures.pixel_flags import EDGE, PENUMBRA, SEEN
 from spectrabox.measure.steps.pictures import traced_photo
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.interreflection import products
-from spectrabox.reconstruct import pixel_light
+from spectrabox.reconstruct import pixel_light, scene_estimate
 from spectrabox.reconstruct.rendering.renderer import all_cores, register_spectral_texture
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.prior.uplift_table import uplift_signals
@@ -163,6 +163,24 @@ def test_light_from_other_walls_counts_with_its_colour(scene, lighting, truth, m
     # light that is left out makes walls too bright, which a prior of even level pulls back little
     assert whole[0] < 0.05 and whole[0] < as_grey[0] / 1.2 and whole[0] < alone[0] / 1.8
     assert whole[1] > 0.9 and as_grey[1] < whole[1]
+
+
+def test_painted_patterns_are_no_lamp_elsewhere(finished):
+    first = finished[1].records.reconstruct.joint.views[0]
+    assert "scene.estimated" not in [one.code for one in first.findings]
+
+
+def test_a_picture_under_the_light_as_stated_has_no_scale_of_an_estimated_scene(scene, lighting):
+    first = scene.joint.views[0]
+    estimated = replace(first, light_scale=replace(
+        first.light_scale, value=2 * first.light_scale.value),
+        findings=(*first.findings, scene_estimate.finding([])))
+    scene = replace(scene, joint=replace(scene.joint, views=(estimated,)),
+                    view=replace(scene.view, light_scale=first.light_scale))
+    light = scene.traced.on_nodes(lighting.spectra, scene.lamps)
+    # the same light, by the same known walls
+    assert scene_light.light_photo(scene, light)[1].value == pytest.approx(
+        lighting.scale.value, rel=0.01)
 
 
 def test_few_typical_lights_stand_for_the_light_on_every_pixel(lighting):

@@ -17,23 +17,27 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.fixtures.object_views import cameras, object_mesh, view_xml, write_ply
+import spectrabox as sb
+from spectrabox.fixtures.object_views import (
+    GUESS_RADIUS,
+    cameras,
+    object_mesh,
+    view_xml,
+    write_ply,
+)
 from spectrabox.radiometry.chart import PATCH_NAMES, chart_reflectances
+from spectrabox.radiometry.interreflection import white_signal
 from spectrabox.radiometry.records.calibration import LightScale
 from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.reconstruct.inverse_rendering import reconstruct_views
 from spectrabox.reconstruct.rendering.renderer import render, start_mitsuba
+from spectrabox.reconstruct.shape.mesh import silhouette
+from spectrabox.reconstruct.shape.shape_fit import with_mesh
+from spectrabox.reconstruct.shape.start import light_on_card
 from spectrabox.reconstruct.view import MaterialSpec, PhotoView
 from spectrabox.sampling.draw_methods import draw_spectra
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 
-from benchmarks.paper.mesh import silhouette, write_mesh
-from benchmarks.paper.shape_fit import (
-    ShapeReconstruction,
-    ShapeSettings,
-    reconstruct_shape,
-    with_mesh,
-)
 from benchmarks.paper.synthetic_photo import (
     BANDS,
     GRID,
@@ -84,11 +88,10 @@ def measure(true_mesh: Path, found_mesh: Path, out: Path) -> dict[str, Any]:
     used, other = photos(cameras(VIEWS), true_mesh, truth), photos(cameras(OTHERS, 1.0), true_mesh,
                                                                    truth)
     start = time.perf_counter()
-    found = reconstruct_shape(used, "object", ShapeSettings(COEFFICIENTS),
-                              lambda done, what: None)
+    found = fitted(used, true_mesh.parent)
     seconds = time.perf_counter() - start
-    write_mesh(found_mesh, found.vertices, found.faces)
-    spectra, drawn = {"descent": found.spectrum}, []
+    found.to_ply(found_mesh)
+    spectra, drawn = {"descent": found.descent}, []
     for name, mesh in (("on the found shape", found_mesh), ("on the true shape", true_mesh)):
         answer = reconstruct_views([with_mesh(view, "object", mesh) for view in used],
                                    plain_settings(COEFFICIENTS), lambda done, what: None)
@@ -101,7 +104,7 @@ def measure(true_mesh: Path, found_mesh: Path, out: Path) -> dict[str, Any]:
     band, at = np.quantile(drawn[0], [0.025, 0.975], axis=0), np.interp(PRIOR_GRID.nm, GRID.nm,
                                                                         truth)
     result: dict[str, Any] = {"seconds": seconds, "steps": len(found.loss_history),
-                              "outcome": found.outcome.value,
+                              "outcome": "converged" if found.converged else "step limit",
                               "rmse": {name: spectrum_rmse(curve, truth) for name,
                                        curve in spectra.items()},
                               "coverage_95": float(np.mean((at >= band[0]) & (at <= band[1]))),
@@ -113,6 +116,21 @@ def measure(true_mesh: Path, found_mesh: Path, out: Path) -> dict[str, Any]:
     picture(used[::4], other[:1], found, found_mesh, true_mesh, spectra | {"truth": truth}, band,
             out)
     return result
+
+
+def fitted(used: Sequence[PhotoView], folder: Path) -> sb.ShapeSpectra:
+    """Shape and spectrum by ``sb.fit_shape``, from a sphere of radius 1."""
+    paths = []
+    for number, position in enumerate(cameras(VIEWS)):
+        paths.append(folder / f"view_{number}.xml")
+        paths[-1].write_text(view_xml(position, WIDTH), encoding="utf-8")
+    vertices = object_mesh()[0]
+    white = white_signal(used[0].response) / np.pi * light_on_card(
+        used[0].scene_file, (vertices.min(axis=0) + vertices.max(axis=0)) / 2)
+    return sb.fit_shape([np.array(view.photo.signal) for view in used], paths,
+                        start=((0.0, 0.0, 0.0), GUESS_RADIUS), white=white, width=WIDTH,
+                        camera="Nikon 5100 (NPL)", light=(GRID.nm, np.ones(GRID.nm.size)),
+                        progress=False)
 
 
 def photos(positions: np.ndarray, mesh: Path, truth: np.ndarray) -> list[PhotoView]:
@@ -144,7 +162,7 @@ def iou(view: PhotoView, mesh: Path | None, true_mesh: Path) -> float:
 
 
 def picture(used: Sequence[PhotoView], other: Sequence[PhotoView],
-            found: ShapeReconstruction, mesh: Path, true_mesh: Path, spectra: dict[str, np.ndarray],
+            found: sb.ShapeSpectra, mesh: Path, true_mesh: Path, spectra: dict[str, np.ndarray],
             band: np.ndarray, path: Path) -> None:
     """Photos, renderings of what was found, silhouettes (both white, true alone red, found alone
     blue), spectra.
@@ -156,9 +174,10 @@ def picture(used: Sequence[PhotoView], other: Sequence[PhotoView],
     places: list[Any] = [[*(f"{row}, {column}" for column in range(4)), *3 * ["spectra"]]
                          for row in range(3)]
     figure, axes = plt.subplot_mosaic(places, figsize=(12.5, 5), layout="constrained")
+    coefficients = np.linalg.lstsq(used[0].basis(COEFFICIENTS), found.descent, rcond=None)[0]
     for column, view in enumerate([*used, *other]):
         shape = with_mesh(view, "object", mesh)
-        rendered = render(shape.scene(found.coefficients[None]), 256, 3)[0]
+        rendered = render(shape.scene(coefficients[None]), 256, 3)[0]
         a, b = outline(view, mesh), outline(view, true_mesh)
         bright = np.percentile(view.photo.signal, 99.5)
         rows = [np.clip(image / bright, 0, 1) ** (1 / 2.2) for image in (view.photo.signal,

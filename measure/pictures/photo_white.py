@@ -71,10 +71,14 @@ def compare_reference_surfaces(scene: TracedPhoto, light: np.ndarray,
                      measured[own].sum(axis=0), predicted.sum(axis=0),
                      np.sqrt(np.maximum(logs.var(axis=0) - noise, 0.0))))
     scale, bands = scene.joint.views[0].light_scale, measured.shape[1]
+    # the light is that of the scene as stated: the scale of another says nothing of it
+    estimated = any(one.code == "scene.estimated" for one in scene.joint.views[0].findings)
+    if estimated and view.light_scale is not None:
+        scale = view.light_scale
     if not rows:
         return scale, scene.disagreement**2 * (np.eye(bands) + 1) / 2
     names, materials, pixels, photo, model, spread = zip(*rows, strict=True)
-    if view.light_scale is None:
+    if estimated or view.light_scale is None:
         scale = scale_from_signals(np.array(photo), np.array(model), SCALE_ERROR, scale.source)
     agreement = SurfaceAgreement(names, materials, np.array(pixels),
                                  np.array(photo) / (scale.value * np.array(model)),

@@ -13,7 +13,7 @@ import contextlib
 import json
 import os
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -97,28 +97,36 @@ def computed_blocks(height: int, width: int, read: Callable[[int, int], Rows],
 
 def write_spectra(blocks: Iterable[tuple[int, int, tuple[np.ndarray, ...]]],
                   size: tuple[int, int], folder: Path, layout: PictureLayout,
-                  progress: Callable[[float], None], responses: np.ndarray) -> dict[str, Path]:
-    """Write mean and standard deviation, whole or not at all.
+                  progress: Callable[[float], None], responses: np.ndarray,
+                  maps: Sequence[str] = ()) -> dict[str, Path]:
+    """Write mean and standard deviation, and maps of one number a pixel, whole or not at all.
 
     Parameters
     ----------
-    blocks : iterable of (first row, last row, (mean (n, P), standard deviation (n, Q)))
+    blocks : iterable of (first row, last row, (mean (n, P), standard deviation (n, Q), maps
+        (n, 1)))
     size : (height, width)
     folder : Path
     layout : PictureLayout
     progress : function of the share that is done
     responses : (J, K, 61) array
         Relative response of each band under each of the typical lights, kept with the mean.
+    maps : sequence of str
+        Names of the maps, each an EXR of one channel of that name, whatever the layout.
 
     Returns
     -------
     dict
-        "mean" and "standard_deviation" to their files.
+        "mean", "standard_deviation" and the maps to their files.
     """
     paths = layout.paths(folder)
     with writable(folder), contextlib.ExitStack() as stack:
         writers = [stack.enter_context(layer_rows(name, path, size, layout, responses))
                    for name, path in paths.items()]
+        for name in maps:
+            paths[name] = folder / f"{name}.exr"
+            writers.append(stack.enter_context(exr_rows(paths[name], *size, [name],
+                                                        not layout.full)))
         for first, last, parts in blocks:
             for write, part in zip(writers, parts, strict=True):
                 write(first, part.reshape(last - first, size[1], -1))

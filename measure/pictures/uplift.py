@@ -5,6 +5,7 @@ some rows at a time.
 """
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,17 +13,56 @@ import numpy as np
 from spectrabox.capture.photo.image_rows import PictureRows
 from spectrabox.measure.pictures import pixel_spectra
 from spectrabox.measure.signals.options import PIXEL_NOISE
-from spectrabox.radiometry import error_model, errors
-from spectrabox.sampling.prior import mixture, uplift_table
+from spectrabox.radiometry import appearance, error_model, errors, grid
+from spectrabox.sampling.prior import mixture, mixture_posterior, uplift_table
 from spectrabox.sampling.spectral_measurement import check_bands
 
 MAX_COLOUR_ERROR = 0.5      # CIEDE2000: up to here a spectrum has the colour of its pixel
 MAX_TABLE_ERROR = 1.0       # CIEDE2000 between spectra of the table and those computed one by one
 CHECKED = 200               # signals by which a table is judged
 CHECK_LIGHTS = ("D65", "A")
-STEPS = 12                  # of Newton's method
+STEPS = 12                  # of Newton's method, at most
+FOUND = 1e-7                # of white: a signal that is met
 LOGIT_STEP = 2.0            # at most, at once
 MAX_NOISE = 0.5     # relative: beyond, a signal says next to nothing
+
+
+class PixelSpectra(tuple[np.ndarray, np.ndarray]):
+    """The reflectance behind every pixel of an image (H, W), at 400, 405 ... 700 nm; as a tuple
+    (mean, standard deviation).
+
+    Attributes
+    ----------
+    mean : (H, W, P) array
+        Single floats.
+    standard_deviation : (H, W, P) array
+        Likewise.
+    delta_e00 : (H, W) array
+        CIEDE2000 under D65 between the colour of the mean and that of the pixel. Of an image in
+        sRGB the latter is known; of a camera's it is the colour of the mean and of what this leaves
+        of the signal, by the linear estimate. Large where no reflectance that is known to occur has
+        the signal.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> pixels = sb.uplift(np.full((2, 2, 3), 0.5), encoded=True)
+    >>> pixels.mean.shape, pixels.delta_e00.shape
+    ((2, 2, 61), (2, 2))
+    """
+
+    mean: np.ndarray
+    standard_deviation: np.ndarray
+    delta_e00: np.ndarray
+
+    def __new__(cls, mean: np.ndarray, standard_deviation: np.ndarray,
+                delta_e00: np.ndarray) -> PixelSpectra:
+        self = super().__new__(cls, (mean, standard_deviation))
+        self.mean, self.standard_deviation, self.delta_e00 = mean, standard_deviation, delta_e00
+        return self
+
+    def __getnewargs__(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return self.mean, self.standard_deviation, self.delta_e00
 
 
 @dataclass(frozen=True)
@@ -81,9 +121,10 @@ class ImageSource:
 def uplift_image(image: np.ndarray, relative_response: np.ndarray, prior: mixture.LogitMixture,
                  noise: float = PIXEL_NOISE, *, white: np.ndarray | None = None,
                  kept: pixel_spectra.KeptWavelengths | None = None, side: int = uplift_table.SIDE,
+                 encoded: bool = False,
                  progress: uplift_table.Progress = lambda share: None,
-                 map_parts: uplift_table.MapParts = map) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and standard deviation of the spectrum behind every pixel of an image in memory.
+                 map_parts: uplift_table.MapParts = map) -> PixelSpectra:
+    """The spectrum behind every pixel of an image in memory.
 
     Parameters
     ----------
@@ -100,14 +141,17 @@ def uplift_image(image: np.ndarray, relative_response: np.ndarray, prior: mixtur
         All 61 wavelengths of both by default.
     side : int
         Points of the table along each axis, odd and at least 3.
+    encoded : bool
+        Whether the signals are colours under D65, which the mean then has.
     progress : function of the share of the table that is done
     map_parts : function of (function, iterable), optional
         As of ``plan_spectra``.
 
     Returns
     -------
-    mean, standard_deviation : (H, W, P) and (H, W, Q) arrays
-        Single floats; signals outside 0 to 1 are taken at the edge.
+    PixelSpectra
+        Mean (H, W, P) and standard deviation (H, W, Q); signals outside 0 to 1 are taken at the
+        edge.
 
     Raises
     ------
@@ -128,17 +172,60 @@ def uplift_image(image: np.ndarray, relative_response: np.ndarray, prior: mixtur
                                       "Give what a perfect white reads (white=)")
     plan = pixel_spectra.plan_spectra(source, kept or pixel_spectra.KeptWavelengths(5, full=True),
                                       survey, progress, map_parts)
-    parts = zip(*(plan.split(plan.values(source, source.block(*rows))) for rows in blocks),
-                strict=True)
-    mean, deviation = (np.concatenate(part, dtype=np.float32).reshape(height, width, -1)
-                       for part in parts)
-    return mean, deviation
+    made = of_colours(source, plan, encoded=encoded)
+    parts = zip(*(made(source.block(*rows)) for rows in blocks), strict=True)
+    mean, deviation, apart = (np.concatenate(part, dtype=np.float32).reshape(height, width, -1)
+                              for part in parts)
+    return PixelSpectra(mean, deviation, apart[..., 0])
+
+
+def of_colours(source: ImageSource, plan: pixel_spectra.SpectraPlan, *, encoded: bool
+               ) -> Callable[[pixel_spectra.PixelBlock],
+                             tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """A function from a block of n pixels to their mean (n, P), standard deviation (n, Q) and, as
+    of `PixelSpectra`, how far they are from their colours (n, 1).
+
+    Parameters
+    ----------
+    source : ImageSource
+    plan : SpectraPlan
+    encoded : bool
+        Whether the signals are colours under D65, which the mean then has.
+    """
+    nm = plan.kept.nm[0]
+    response = source.relative_response @ grid.interpolation_matrix(nm, mixture.PRIOR_GRID.nm)
+    if encoded:
+        observer, to_colour = response, np.eye(3)
+    else:
+        observer = _observer(nm)
+        covariance = mixture.reflectance_moments(source.prior)[1]
+        full = source.relative_response
+        to_colour = np.linalg.solve(mixture_posterior.with_floor(full @ covariance @ full.T),
+                                    full @ covariance @ _observer(mixture.PRIOR_GRID.nm).T).T
+
+    def made(block: pixel_spectra.PixelBlock) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        mean, deviation = plan.split(plan.values(source, block))
+        if encoded:
+            mean = with_colours(mean, block.signals, response)
+        left = block.signals - mean @ response.T
+        colour = mean @ observer.T
+        apart = appearance.ciede2000(
+            appearance.lab_from_xyz(colour, np.ones(3)),
+            appearance.lab_from_xyz(colour + left @ to_colour.T, np.ones(3)))
+        return mean, deviation, apart[:, None]
+
+    return made
+
+
+def _observer(nm: np.ndarray) -> np.ndarray:
+    weights = appearance.tristimulus_weights(nm, "D65")
+    return np.asarray(weights / weights.sum(axis=1, keepdims=True))
 
 
 def with_colours(mean: np.ndarray, signals: np.ndarray,
-                 response: np.ndarray) -> tuple[np.ndarray, int]:
-    """Spectra changed as little as smooth responses allow, in their logits, so that they have the
-    colours of their pixels, and of how many pixels they have not.
+                 response: np.ndarray) -> np.ndarray:
+    """Spectra (n, P) changed as little as smooth responses allow, in their logits, so that they
+    have the colours of their pixels, or are nearer to them where no reflectance has them.
 
     Parameters
     ----------
@@ -148,14 +235,7 @@ def with_colours(mean: np.ndarray, signals: np.ndarray,
         X, Y, Z of the pixels over those of white.
     response : (3, P) array
         Of the observer under the light, at the wavelengths of ``mean``; rows sum to 1.
-
-    Returns
-    -------
-    mean : (n, P) array
-    off : int
-        Pixels that are off by more than 0.5 CIEDE2000: no reflectance has their colour.
     """
-    from spectrabox.radiometry import appearance
     wanted = appearance.lab_from_xyz(signals.astype(float), np.ones(3))
 
     def colour_errors(spectra: np.ndarray, some: np.ndarray) -> np.ndarray:
@@ -167,23 +247,28 @@ def with_colours(mean: np.ndarray, signals: np.ndarray,
     rows = np.flatnonzero(errors > MAX_COLOUR_ERROR / 4)
     inside = np.clip(result[rows], 1e-6, 1 - 1e-6)
     logits = np.log(inside / (1 - inside))
-    for _ in range(STEPS if rows.size else 0):
-        spectra = 1 / (1 + np.exp(-logits))
-        slope = spectra * (1 - spectra)
-        gram = np.einsum("ip,np,jp->nij", response, slope, response)
+    products = (response[:, None] * response[None]).reshape(9, -1).T
+    active = np.arange(rows.size)
+    for _ in range(STEPS):
+        spectra = 1 / (1 + np.exp(-logits[active]))
+        left = signals[rows[active]] - spectra @ response.T
+        missing = np.abs(left).max(axis=1) > FOUND
+        active, left, slope = active[missing], left[missing], (spectra * (1 - spectra))[missing]
+        if not active.size:
+            break
+        gram = (slope @ products).reshape(-1, 3, 3)
         floor = 1e-9 * np.trace(gram, axis1=1, axis2=2) + 1e-15
         gram += floor[:, None, None] * np.eye(3)
-        change = np.linalg.solve(gram, (signals[rows] - spectra @ response.T)[..., None])[..., 0]
-        logits += np.clip(change @ response, -LOGIT_STEP, LOGIT_STEP)
+        change = np.linalg.solve(gram, left[..., None])[..., 0]
+        logits[active] += np.clip(change @ response, -LOGIT_STEP, LOGIT_STEP)
     spectra = 1 / (1 + np.exp(-logits))
     nearer = colour_errors(spectra, rows) < errors[rows]
     result[rows[nearer]] = spectra[nearer]
-    off = int(np.sum(colour_errors(result, np.arange(len(result))) > MAX_COLOUR_ERROR))
-    return result.astype(mean.dtype), off
+    return result.astype(mean.dtype)
 
 
 def table_error(source: ImageSource, plan: pixel_spectra.SpectraPlan,
-                survey: pixel_spectra.Survey) -> tuple[float, float] | None:
+                survey: pixel_spectra.Survey, *, encoded: bool) -> tuple[float, float] | None:
     """Median and largest CIEDE2000, under D65 and A, between spectra of a picture's table and those
     computed by themselves, at some of its signals that are not darker than the table; None where
     there are none, or each pixel was computed by itself.
@@ -194,8 +279,9 @@ def table_error(source: ImageSource, plan: pixel_spectra.SpectraPlan,
     plan : SpectraPlan
     survey : Survey
         Of all rows.
+    encoded : bool
+        As of `of_colours`.
     """
-    from spectrabox.radiometry import appearance
     if not plan.tables:
         return None
     signals = np.unique(np.clip(survey.sample.signals, 0, 1), axis=0)
@@ -204,8 +290,8 @@ def table_error(source: ImageSource, plan: pixel_spectra.SpectraPlan,
         return None
     block = pixel_spectra.PixelBlock(signals[::-(-len(signals) // CHECKED)], None, None)
     nm, _ = plan.kept.nm
-    own = source.direct(block).mean[:, plan.kept.mean]
-    table = np.clip(plan.split(plan.values(source, block))[0], 0, 1)
+    table, own = (np.clip(of_colours(source, each, encoded=encoded)(block)[0], 0, 1)
+                  for each in (plan, pixel_spectra.SpectraPlan(plan.kept, ())))
     apart = np.max([appearance.ciede2000(appearance.reflectance_to_lab(nm, own, light),
                                          appearance.reflectance_to_lab(nm, table, light))
                     for light in CHECK_LIGHTS], axis=0)

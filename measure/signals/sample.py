@@ -65,7 +65,7 @@ def sample_signals(capture: SignalCapture, options: SampleOptions, *,
     alone = not capture.more and capture.twice is None
     if not with_draws and options.method == "prior" and alone:
         return _estimate_without_draws(capture, options)
-    return [_estimate_from_draws(name, *_measured(capture, signal), options, capture)
+    return [estimate_from_draws(name, *_measured(capture, signal), options, capture)
             for name, signal in zip(capture.names, capture.signals, strict=True)]
 
 
@@ -101,7 +101,7 @@ def check_options(options: SampleOptions) -> None:
         raise InputError(f"{options.samples} samples were asked for; ask for 1 to {MAX_SAMPLES}")
 
 
-def _estimate_from_draws(name: str, base: SpectralMeasurement, causes: Mapping[str, np.ndarray],
+def estimate_from_draws(name: str, base: SpectralMeasurement, causes: Mapping[str, np.ndarray],
                          options: SampleOptions, capture: SignalCapture) -> Estimate:
     """One estimate; ``base`` has the photo's noise alone, ``causes`` (K, K) those of all errors."""
     base = _with_all_errors(base, causes)
@@ -187,7 +187,7 @@ def _estimate_without_draws(capture: SignalCapture,
     for row, (name, outcome) in enumerate(zip(capture.names, summary.outcome, strict=True)):
         own = {cause: covariance[row] for cause, covariance in causes.items()}
         if outcome is Outcome.TOO_ROUGH:        # draws tell how near one can come
-            estimates.append(_estimate_from_draws(name, replace(first, signal=y[row]), own, options,
+            estimates.append(estimate_from_draws(name, replace(first, signal=y[row]), own, options,
                                                   capture))
             continue
         shares = dict(zip(prior.families, summary.family_shares[row].tolist(), strict=True))

@@ -3,8 +3,10 @@
 The posterior of three-band signals is computed on a lattice, at the points that the picture needs,
 and interpolated trilinearly for every pixel. One axis is the middle band, evenly in its cube root,
 as dark colours change fastest; the others are the logarithms of the two ratios to it, densest at
-grey, where most surfaces are and the spread changes fastest. `table_error` says what the
-interpolation costs. Of more bands see `local_posteriors`.
+grey, where most surfaces are and the spread changes fastest. Within a cell the shares are such that
+the signals of its corners make up the pixel's own, and so the colours, as far as the corners are no
+brighter than white. `table_error` says what the interpolation costs. Of more bands see
+`local_posteriors`.
 """
 from __future__ import annotations
 
@@ -21,12 +23,13 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.prior import calibrated_marginals, mixture_posterior
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 
-SIDE = 25                   # odd, so that grey is on the lattice
+SIDE = 21                   # odd, so that grey is on the lattice
 MIN_ROOT = 0.12  # cube root of the darkest middle band; darker signals are taken for as dark
-BEND, MAX_LOG_RATIO = 0.3, 2.6   # log ratio at which the lattice widens, and the largest one
-BATCH = 200                 # signals computed at a time
+BEND, MAX_LOG_RATIO = 0.6, 2.6   # log ratio at which the lattice widens, and the largest one
+BATCH = 400                 # signals computed at a time
 MAX_SIGNAL = 1.0
 TABLE_TOLERANCE = 1e-4          # logits: what a mean is then off by is lost in half floats
+TINY = np.float32(1e-9)       # keeps cells beyond white solvable
 CORNERS = np.array(list(product((0, 1), repeat=3)))
 
 Progress = Callable[[float], None]      # share that is done
@@ -100,10 +103,15 @@ def lattice(side: int) -> np.ndarray:
     side : int
         Points along each axis.
     """
-    middle = np.linspace(MIN_ROOT, 1, side)**3
-    ratio = np.exp(BEND * np.sinh(np.linspace(-1, 1, side) * np.arcsinh(MAX_LOG_RATIO / BEND)))
+    middle, ratio = _knots(side)
     level, first, third = np.meshgrid(middle, ratio, ratio, indexing="ij")
     return np.minimum(np.stack([level * first, level, level * third], axis=-1), MAX_SIGNAL)
+
+
+def _knots(side: int) -> tuple[np.ndarray, np.ndarray]:
+    """Levels (side,) of the middle band, and ratios (side,) of the others to it."""
+    return np.linspace(MIN_ROOT, 1, side)**3, np.exp(
+        BEND * np.sinh(np.linspace(-1, 1, side) * np.arcsinh(MAX_LOG_RATIO / BEND)))
 
 
 def relative_errors(signals: np.ndarray, noise: float) -> Errors:
@@ -225,7 +233,9 @@ def interpolation(row: np.ndarray, points: int, signals: np.ndarray) -> csr_arra
 
 
 def _cell_and_share(signals: np.ndarray, side: int) -> tuple[np.ndarray, np.ndarray]:
-    """Cells of the lattice (n, 3), and how far across them (n, 3) the signals are, 0 to 1."""
+    """Cells of the lattice (n, 3), and how far across them (n, 3) the signals are, 0 to 1, so that
+    the corners' signals make up the pixel's.
+    """
     signals = np.asarray(signals, dtype=np.float32)
     middle = np.clip(signals[:, 1], MIN_ROOT**3, MAX_SIGNAL)
     ratio = np.log(np.maximum(signals[:, ::2], 1e-6) / middle[:, None])
@@ -234,7 +244,18 @@ def _cell_and_share(signals: np.ndarray, side: int) -> tuple[np.ndarray, np.ndar
     at = np.column_stack([(np.cbrt(middle) - MIN_ROOT) / (1 - MIN_ROOT), (bent + 1) / 2])
     at *= side - 1
     cell = np.clip(at.astype(np.int32), 0, side - 2)
-    return cell, np.clip(at - cell, 0, 1)
+    level, ratios = (knots.astype(np.float32) for knots in _knots(side))
+    below, above = level[cell[:, 0]], level[cell[:, 0] + 1]
+    share = np.empty_like(at)
+    share[:, 0] = (middle - below) / (above - below)
+    for axis, band in ((1, 0), (2, 2)):
+        # what the corners give, those beyond white being those of white
+        ends = [(1 - share[:, 0]) * np.minimum(below * ratio, MAX_SIGNAL)
+                + share[:, 0] * np.minimum(above * ratio, MAX_SIGNAL)
+                for ratio in (ratios[cell[:, axis]], ratios[cell[:, axis] + 1])]
+        wanted = np.minimum(signals[:, band], MAX_SIGNAL) - ends[0]
+        share[:, axis] = wanted / np.maximum(ends[1] - ends[0], TINY)
+    return cell, np.clip(share, 0, 1)
 
 
 def outside(signals: np.ndarray) -> np.ndarray:

@@ -89,7 +89,7 @@ class UpliftRequest:
         "ColorChecker in the photo says, and 1 of a picture that is no camera raw.")] = None
     noise: Annotated[float, typer.Option(help="Relative standard error of a pixel.")] = PIXEL_NOISE
     side: Annotated[int, typer.Option(
-        help="Points per side of the table; 33 is finer and slower.")] = 25
+        help="Points per side of the table; 33 is finer and slower.")] = 21
     step: Annotated[int, typer.Option(
         help="Nanometres between the mean's wavelengths; twice as far between those of the "
         "spread.")] = 10

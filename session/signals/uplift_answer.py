@@ -26,6 +26,7 @@ from spectrabox.session.terminal.progress_display import StageProgress
 
 WHITE_REMEDY = ("Give --white with what a perfect white reads in each band (a white card's values "
                 "over its reflectance), or --white 1,1,1 where the picture is relative to white")
+COLOUR_ERROR = "delta_e00"    # map of how far the spectra are from the colours of their pixels
 MAX_SEARCHED_PX = 30_000_000        # a photo; a larger picture is not read at once for its chart
 
 
@@ -121,21 +122,19 @@ def uplift_answer(request: UpliftRequest, progress: StageProgress) -> tuple[dict
         plan = pixel_spectra.plan_spectra(source, layout, survey,
                             lambda share: progress("table", share, ""), pool.map)
     off: list[int] = []         # pixels of each block without their own colour
-    at_kept = source.relative_response @ grid.interpolation_matrix(
-        plan.kept.nm[0], mixture.PRIOR_GRID.nm)
+    of_colours = uplift.of_colours(source, plan, encoded=request.encoded)
 
-    def spectra_of(block: pixel_spectra.PixelBlock) -> tuple[np.ndarray, np.ndarray]:
-        mean, deviation = plan.split(plan.values(source, block))
-        if request.encoded:
-            mean, count = uplift.with_colours(mean, block.signals, at_kept)
-            off.append(count)
-        return mean, deviation
+    def spectra_of(block: pixel_spectra.PixelBlock) -> tuple[np.ndarray, ...]:
+        mean, deviation, apart = of_colours(block)
+        off.append(int(np.sum(apart > uplift.MAX_COLOUR_ERROR)))
+        return mean, deviation, apart
 
     blocks = spectra_files.computed_blocks(height, width, source.block, spectra_of)
     paths = spectra_files.write_spectra(blocks, (height, width), request.out, layout,
-                          lambda share: progress("spectra", share, ""), source.responses)
+                          lambda share: progress("spectra", share, ""), source.responses,
+                          (COLOUR_ERROR,))
     return uplift_summary(request, plan, paths, height * width, survey.outside,
-                          uplift.table_error(source, plan, survey),
+                          uplift.table_error(source, plan, survey, encoded=request.encoded),
                           sum(off) if request.encoded else None)
 
 

@@ -15,7 +15,7 @@ from spectrabox.api.signals import OBSERVER
 from spectrabox.capture.photo.image_files import read_encoded_values
 from spectrabox.measure import texts
 from spectrabox.measure.pictures.photo_white import photo_white, require_camera_signal
-from spectrabox.measure.pictures.uplift import require_bands, uplift_image
+from spectrabox.measure.pictures.uplift import PixelSpectra, require_bands, uplift_image
 from spectrabox.measure.signals.options import PIXEL_NOISE
 from spectrabox.radiometry.appearance import signal_of_srgb
 from spectrabox.radiometry.errors import InputError
@@ -30,8 +30,9 @@ def uplift(image: ArrayLike | Photo | str | Path, *, camera: arguments.CameraLik
            light: arguments.LightLike | None = None, encoded: bool = False,
            noise: float = PIXEL_NOISE, white: ArrayLike | None = None,
            families: str | list[str] | None = None, prior: str | Path | LogitMixture | None = None,
-           progress: ProgressLike = None) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and standard deviation of the reflectance behind every pixel.
+           progress: ProgressLike = None) -> PixelSpectra:
+    """Mean and standard deviation of the reflectance behind every pixel, and how far it is from the
+    pixel's colour.
 
     Parameters
     ----------
@@ -58,8 +59,9 @@ def uplift(image: ArrayLike | Photo | str | Path, *, camera: arguments.CameraLik
 
     Returns
     -------
-    mean, standard_deviation : (H, W, P) arrays
-        At 400, 405 ... 700 nm.
+    PixelSpectra
+        ``mean`` and ``standard_deviation`` (H, W, P) at 400, 405 ... 700 nm, which it unpacks to,
+        and ``delta_e00`` (H, W).
 
     Raises
     ------
@@ -81,6 +83,8 @@ def uplift(image: ArrayLike | Photo | str | Path, *, camera: arguments.CameraLik
     >>> import numpy as np
     >>> image = np.full((4, 6, 3), 0.3)
     >>> mean, deviation = sb.uplift(image, camera="Nikon 5100 (NPL)", light="D65")
+    >>> float(sb.uplift(image, camera="Nikon 5100 (NPL)", light="D65").delta_e00.max()) < 0.5
+    True
     """
     if encoded:
         if camera is not None or light is not None or white is not None:
@@ -115,7 +119,7 @@ def uplift(image: ArrayLike | Photo | str | Path, *, camera: arguments.CameraLik
                             arguments.as_prior(prior, arguments.families_of(families)),
                             as_number(noise, "noise"),
                             white=None if white is None else as_numbers(white, "white"),
-                            progress=lambda share: step(share, "tables"))
+                            encoded=encoded, progress=lambda share: step(share, "tables"))
 
 
 def _code_values(image: ArrayLike | Photo | str | Path) -> np.ndarray:

@@ -68,6 +68,8 @@ SYNONYMS = {"transmission": "transmittance", "reflection": "reflectance", "refle
             "kubelka-munk": "kubelka-munk"}
 POWER = {"w": 1.0, "watt": 1.0, "watts": 1.0, "mw": 1e-3, "uw": 1e-6, "nw": 1e-9, "uwatt": 1e-6,
          "mwatt": 1e-3, "kw": 1e3}
+# spectral flux of a lamp, without an area or an angle: the shape of its spectrum
+FLUX = re.compile(rf"(?:{'|'.join(POWER)})(?:(?: |/| / | per )nm(?:\^?-1)?)?")
 AREAS = {"m": 1.0, "cm": 1e4, "mm": 1e6}
 STEPS = {"nm": 1.0, "um": 1e-3, "a": 10.0}
 
@@ -209,6 +211,8 @@ def _value_unit(text: str) -> str | None:
         return VALUE_WORDS.get(plain, VALUE_WORDS.get(text))
     if light_unit(plain) is not None:
         return plain
+    if FLUX.fullmatch(plain):
+        return RELATIVE
     name, is_percent = _without_percent(plain)
     return PERCENT if is_percent and (name in SYNONYMS or name in QUANTITIES or name in (
         "", "r", "t")) else None

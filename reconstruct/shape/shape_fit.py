@@ -1,11 +1,11 @@
 """Shape and spectrum of one object from photos around it (paper Sec. 4.2, Fig. 6).
 
-A sphere is moved towards the photos by gradient descent, coarse to fine, while the spline
-coefficients of the object's spectrum are estimated along with it. The squared error has its
-gradient by the spectrum and by the surface's position from Mitsuba's ``prb``, and by the outline
-from ``add_outline_gradient``. Vertices v follow uniform Adam in u = (I + diffusion L) v (Nicolet et
-al. 2021, Algorithm 1). The spectrum of the descent is a starting point: put the mesh into the views
-(``with_mesh``) and let the transport engine estimate the spectrum with its uncertainty.
+A start mesh, such as a sphere, is moved towards the photos by gradient descent, coarse to fine,
+while the spline coefficients of the object's spectrum are estimated along with it. The squared
+error has its gradient by the spectrum and by the surface's position from Mitsuba's ``prb``, and by
+the outline from ``add_outline_gradient``. Vertices v follow uniform Adam in u = (I + diffusion L) v
+(Nicolet et al. 2021, Algorithm 1). The spectrum of the descent is a starting point, without errors:
+``on_mesh`` lets the transport engine estimate it on the found mesh.
 """
 from __future__ import annotations
 
@@ -18,19 +18,15 @@ from pathlib import Path
 
 import numpy as np
 
+from spectrabox.radiometry.records.scenes import Reconstruction
 from spectrabox.radiometry.records.spectra import Outcome, Progress
 from spectrabox.reconstruct.gradient_engine import reflectance_key, stalled
+from spectrabox.reconstruct.inverse_rendering import reconstruct
 from spectrabox.reconstruct.rendering.renderer import render
 from spectrabox.reconstruct.scene.scene_xml import BLACK
+from spectrabox.reconstruct.settings import InversionSettings
+from spectrabox.reconstruct.shape import mesh as meshes
 from spectrabox.reconstruct.view import PhotoView
-
-from benchmarks.paper.mesh import (
-    add_outline_gradient,
-    icosphere,
-    large_steps,
-    subdivided,
-    write_mesh,
-)
 
 SPECTRUM_RATE = 0.02        # of the coefficients, per step
 GREY_RANGE = (0.05, 0.95)   # of the flat spectrum to start from
@@ -41,15 +37,16 @@ TRIAL_GREY = 0.5
 class Stage:
     """Steps on one mesh."""
 
-    level: int          # of subdivision of the icosahedron
+    subdivisions: int   # of the start mesh, those of the stages before included
     steps: int
-    rate: float         # of the vertices, per step, in radii of the object
+    rate: float         # of the vertices, per step, in radii of the start mesh
     diffusion: float
     spp: int
     views: int = 4      # of every step, drawn anew
 
 
-STAGES = (Stage(3, 40, 0.03, 19.0, 8), Stage(4, 40, 0.02, 19.0, 8), Stage(4, 50, 0.01, 8.0, 8))
+STAGES = (Stage(0, 40, 0.03, 19.0, 8), Stage(1, 40, 0.02, 19.0, 8), Stage(1, 50, 0.01, 8.0, 8))
+SPHERE_LEVEL = 3    # of subdivision of the icosahedron: 642 vertices
 
 
 @dataclass(frozen=True)
@@ -61,7 +58,7 @@ class ShapeSettings:
     seed: int = 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ShapeReconstruction:
     """A closed mesh in the scenes' coordinates and the object's spectrum."""
 
@@ -74,7 +71,21 @@ class ShapeReconstruction:
     outcome: Outcome
 
 
-def reconstruct_shape(views: Sequence[PhotoView], shape_id: str, settings: ShapeSettings,
+def sphere(centre: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (V, 3) and faces (F, 3) of the sphere that a fit starts from.
+
+    Parameters
+    ----------
+    centre : (3,) array
+    radius : float
+        In the scene's unit.
+    """
+    vertices, faces = meshes.icosphere(SPHERE_LEVEL)
+    return centre + radius * vertices, faces
+
+
+def reconstruct_shape(views: Sequence[PhotoView], shape_id: str, vertices: np.ndarray,
+                      faces: np.ndarray, settings: ShapeSettings,
                       progress: Progress) -> ShapeReconstruction:
     """Mesh and spectrum that explain several photos of one object.
 
@@ -82,25 +93,27 @@ def reconstruct_shape(views: Sequence[PhotoView], shape_id: str, settings: Shape
     ----------
     views : sequence of PhotoView
         Three or more, each with its light scale. Their scenes hold the object as a shape with the
-        id ``shape_id``, for instance a sphere, about where and as large as it is: the fit starts
-        from the sphere in its bounding box. The object's own material is the only unknown one.
+        id ``shape_id``. The object's own material is the only unknown one.
     shape_id : str
+    vertices : (V, 3) array
+        Of the start mesh, closed, about where and as large as the object is.
+    faces : (F, 3) int
+        Anticlockwise seen from outside.
     settings : ShapeSettings
     progress : function of (fraction done, what is being done)
     """
-    vertices, faces = icosphere(settings.stages[0].level)
-    centre, radius = bounding_sphere(views[0], shape_id)
-    vertices = centre + radius * vertices
+    radius = float(np.ptp(vertices, axis=0).mean() / 2)
     coefficients = np.empty(0)
     losses: list[float] = []
     total = sum(stage.steps for stage in settings.stages)
     with tempfile.TemporaryDirectory() as folder:
+        done = 0
         for number, stage in enumerate(settings.stages):
-            last_level = settings.stages[number - 1].level if number else stage.level
-            for _ in range(stage.level - last_level):
-                vertices, faces = subdivided(vertices, faces)
+            for _ in range(stage.subdivisions - done):
+                vertices, faces = meshes.subdivided(vertices, faces)
+            done = stage.subdivisions
             path = Path(folder) / f"stage_{number}.ply"
-            write_mesh(path, vertices, faces)
+            meshes.write_mesh(path, vertices, faces)
             shown = [with_mesh(view, shape_id, path) for view in views]
             if not coefficients.size:
                 coefficients = flat_start(shown, settings.coefficients, stage.spp, settings.seed)
@@ -139,18 +152,29 @@ def with_mesh(view: PhotoView, shape_id: str, mesh: Path) -> PhotoView:
     return replace(view, scene_file=replace(view.scene_file, root=root))
 
 
-def bounding_sphere(view: PhotoView, shape_id: str) -> tuple[np.ndarray, float]:
-    """Centre (3,) and radius of the sphere in a shape's bounding box, in the scene's coordinates.
+def on_mesh(views: Sequence[PhotoView], shape_id: str, vertices: np.ndarray, faces: np.ndarray,
+            settings: InversionSettings, progress: Progress) -> tuple[Reconstruction, ...]:
+    """The spectrum behind each photo by itself on a mesh, by the transport engine.
 
     Parameters
     ----------
-    view : PhotoView
+    views : V of PhotoView
     shape_id : str
-        Of a shape of its scene.
+        Of the shape that the mesh replaces.
+    vertices : (V, 3) array
+    faces : (F, 3) int
+    settings : InversionSettings
+    progress : function of (fraction done, what is being done)
     """
-    box = next(shape for shape in view.scene().shapes() if shape.id() == shape_id).bbox()
-    lower, upper = np.array(box.min, dtype=float).ravel(), np.array(box.max, dtype=float).ravel()
-    return (lower + upper) / 2, float((upper - lower).mean() / 2)
+    found = []
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "found.ply"
+        meshes.write_mesh(path, vertices, faces)
+        for number, view in enumerate(views):
+            progress(number / len(views), "estimating the spectrum")
+            found.append(reconstruct(with_mesh(view, shape_id, path), settings,
+                                     lambda share, message: None))
+    return tuple(found)
 
 
 def flat_start(views: Sequence[PhotoView], coefficients: int, spp: int, seed: int) -> np.ndarray:
@@ -207,7 +231,7 @@ def descend(views: Sequence[PhotoView], shape_id: str, vertices: np.ndarray, fac
     import drjit as dr
     import mitsuba as mi
 
-    to_steps, from_steps = large_steps(faces, len(vertices), stage.diffusion)
+    to_steps, from_steps = meshes.large_steps(faces, len(vertices), stage.diffusion)
     losses_of = [ViewLoss(view, coefficients, shape_id) for view in views]
     positions = mi.ad.Adam(lr=stage.rate, uniform=True)
     spectrum = mi.ad.Adam(lr=SPECTRUM_RATE)
@@ -269,7 +293,7 @@ class ViewLoss:
         error = np.array(image, dtype=float) * self.scale - self.photo
         slope = 2 * self.weight * error * self.scale
         dr.backward(dr.sum(image * mi.TensorXf(slope.astype(np.float32)), axis=None))
-        add_outline_gradient(self.scene, slope, spp, draw + 2)
+        meshes.add_outline_gradient(self.scene, slope, spp, draw + 2)
         return (np.array(dr.grad(positions), dtype=float).reshape(-1, 3),
                 self.basis.T @ np.array(dr.grad(values), dtype=float),
                 float(np.sum(self.weight * error**2)))

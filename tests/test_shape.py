@@ -1,0 +1,197 @@
+"""The shape fit: the gradient at the outline, against differences; a ball found from photos."""
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import spectrabox as sb
+from spectrabox.api import shape
+from spectrabox.fixtures.object_views import cameras, view_xml
+from spectrabox.reconstruct.rendering.renderer import render
+from spectrabox.reconstruct.scene.scene_file import read_scene
+from spectrabox.reconstruct.shape import start
+from spectrabox.reconstruct.shape.mesh import add_outline_gradient, icosphere, write_mesh
+from spectrabox.reconstruct.shape.shape_fit import with_mesh
+from spectrabox.reconstruct.view import MaterialSpec, PhotoView
+
+from benchmarks import bench_shape
+from benchmarks.paper.synthetic_photo import GRID as BENCH_GRID
+from tests.cornell_problem import BANDS, GRID, SCALE_ONE, camera, photo_of
+
+pytestmark = pytest.mark.usefixtures("mitsuba")
+
+WIDTH = 24
+PAINT = 0.1 + 0.6 / (1 + np.exp((570 - GRID.nm) / 12))
+MATERIALS = (MaterialSpec("paint", "paint"),)
+
+
+def blank_views(folder, count, height=WIDTH):
+    views = []
+    for number, position in enumerate(cameras(count)):
+        path = folder / f"view_{number}.xml"
+        text = view_xml(position, WIDTH).replace(f'"height" value="{WIDTH}"',
+                                                 f'"height" value="{height}"')
+        path.write_text(text, encoding="utf-8")
+        photo = photo_of(np.ones((height, WIDTH, 3)))
+        views.append(PhotoView(f"view {number}", read_scene(path), photo, camera(), BANDS,
+                               MATERIALS, SCALE_ONE))
+    return views
+
+
+@pytest.mark.parametrize("motion, height", [("larger", 3 * WIDTH // 2), ("upwards", WIDTH)])
+def test_the_gradient_by_a_motion_agrees_with_finite_differences(tmp_path, motion, height):
+    import drjit as dr
+    import mitsuba as mi
+
+    vertices, faces = icosphere(3)
+    write_mesh(tmp_path / "ball.ply", vertices, faces)
+    scene = with_mesh(blank_views(tmp_path, 3, height)[1], "object", tmp_path / "ball.ply").scene()
+    parameters = mi.traverse(scene)
+    key = "object.vertex_positions"
+    start = np.array(parameters[key], dtype=float).reshape(-1, 3)
+    toward = start if motion == "larger" else np.tile([0.0, 1.0, 0.0], (len(start), 1))
+    weight = np.random.default_rng(0).uniform(size=(height, WIDTH, 3))
+    if height != WIDTH:         # the weight of a row tells where it is
+        weight *= np.linspace(0, 2, height)[:, None, None]
+
+    def put(place):
+        parameters[key] = place
+        parameters.update()
+
+    def value(step, seed):
+        put(mi.Float((start + step * toward).astype(np.float32).ravel()))
+        return np.sum(weight * render(scene, 256, seed)[0])
+
+    differences = [(value(0.01, seed) - value(-0.01, seed)) / 0.02 for seed in range(4)]
+    inside, outline = [], []
+    for seed in range(4):
+        for parts in (inside, outline):
+            step = mi.Float(0.0)
+            dr.enable_grad(step)
+            put(mi.Float(start.astype(np.float32).ravel())
+                + step * mi.Float(toward.astype(np.float32).ravel()))
+            if parts is inside:
+                image = mi.render(scene, parameters, spp=64, seed=seed, seed_grad=seed + 50)
+                dr.backward(dr.sum(image * mi.TensorXf(weight.astype(np.float32)), axis=None))
+            else:
+                add_outline_gradient(scene, weight, 16, seed)
+            parts.append(float(dr.grad(step)[0]))
+    found = np.mean(inside) + np.mean(outline)
+    error = np.sqrt(np.var(differences, ddof=1) + np.var(inside, ddof=1)
+                    + np.var(outline, ddof=1)) / 2
+    # Four standard errors of means of four; and 3 % of the outline's part, where interpolated
+    # normals make a facet's edge brighter or darker than the sampled radiance there.
+    assert found == pytest.approx(np.mean(differences),
+                                  abs=4 * error + 0.03 * abs(np.mean(outline)))
+    # Without the outline it would be wrong by far more.
+    assert abs(np.mean(inside) - np.mean(differences)) > 5 * abs(found - np.mean(differences))
+
+
+def ball_photos(folder, centre, radius, count=6, width=24):
+    """Photos of a ball, and what a white card in its middle reads in the first."""
+    truth = np.interp(BENCH_GRID.nm, GRID.nm, PAINT)
+    vertices, faces = icosphere(4)
+    return bench_shape.photos_of((centre + radius * vertices, faces), truth, folder, count, width,
+                                 64)
+
+
+CENTRE, RADIUS = np.array([0.1, -0.05, 0.08]), 0.7
+
+
+@pytest.fixture(scope="module")
+def ball(tmp_path_factory):
+    return ball_photos(tmp_path_factory.mktemp("ball"), CENTRE, RADIUS)
+
+
+def fitted(photos, poses, white, **options):
+    return sb.fit_shape(photos, poses, camera=bench_shape.CAMERA, width=24, white=white,
+                        light=(BENCH_GRID.nm, np.ones(BENCH_GRID.nm.size)),
+                        **({"progress": False} | options))
+
+
+def test_a_ball_and_its_spectrum_are_found(ball, tmp_path):
+    photos, scenes, white = ball
+    shares = []
+    found = fitted(photos, scenes, white, steps=(30,),
+                   progress=lambda share, what: shares.append(share))
+    distance = np.linalg.norm(found.vertices - CENTRE, axis=1) - RADIUS
+    assert np.sqrt(np.mean(distance**2)) < 0.04 * RADIUS
+    paint = found["object"]
+    truth = np.interp(paint.nm, GRID.nm, PAINT)
+    lower, upper = paint.band()
+    assert np.mean((truth >= lower) & (truth <= upper)) > 0.9
+    # the error of the shape is among those of the signal, and the signal lies within its error
+    assert "photo and model disagree" in paint.errors
+    response = paint.measurement.relative_response
+    at = np.interp(paint.measurement.grid.nm, GRID.nm, PAINT)
+    assert paint.measurement.signal == pytest.approx(response @ at, rel=0.05)
+    assert shares == sorted(shares) and shares[-1] > 0.9
+    assert found.loss_history[-5:].mean() < 0.3 * found.loss_history[:5].mean()
+    # the mesh that is written is the one that was found
+    vertices, faces = start.read_closed_mesh(found.to_ply(tmp_path / "ball.ply"))
+    assert len(faces) == len(found.faces)
+    assert np.ptp(vertices, axis=0) == pytest.approx(np.ptp(found.vertices, axis=0), rel=1e-5)
+    shown = [(photo > 0.05 * photo.max()).mean() for photo in found.photos]
+    rendered = [(picture > 0.05 * photo.max()).mean() for photo, picture in
+                zip(found.photos, found.renderings, strict=True)]
+    assert rendered == pytest.approx(shown, abs=0.03)
+
+
+def test_the_start_sphere_is_where_the_silhouettes_are(ball):
+    photos, scenes, _ = ball
+    pictures = []
+    for photo, path in zip(photos, scenes, strict=True):
+        image = photo_of(photo)
+        view = PhotoView("", read_scene(path), image, camera(), BANDS,
+                         (MaterialSpec("paint", "paint"),))
+        pictures.append((view.scene(), start.object_pixels(image, "photo")))
+    centre, radius = start.sphere_of_silhouettes(pictures)
+    # the lamp stands beside the camera: some of the ball's rim is in the dark
+    assert np.linalg.norm(centre - CENTRE) < 0.15 * RADIUS
+    assert radius == pytest.approx(RADIUS, rel=0.15)
+
+
+def test_a_scene_made_from_a_matrix_has_the_camera_that_the_matrix_states():
+    """A point of the world falls on the pixel that the pinhole model says."""
+    import mitsuba as mi
+
+    matrix = np.array([[50.0, 0, 17.5], [0, 50.0, 11.5], [0, 0, 1]])
+    turn = np.linalg.qr(np.random.default_rng(2).standard_normal((3, 3)))[0]
+    turn *= np.sign(np.linalg.det(turn))
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = turn, [0.1, -0.2, 4.0]
+    opened = [sb.open_photo(np.random.default_rng(0).uniform(0, 0.5, (30, 40, 3)))]
+    scene_file, = shape._scenes(opened, opened, pose[None], matrix, np.array([0.5, 0.0, 0.0]))
+    view = PhotoView("", scene_file, photo_of(np.ones((30, 40, 3))), camera(), BANDS,
+                     (MaterialSpec("object", "paint"),))
+    column, row = 27.0, 6.0
+    ray, _ = view.scene().sensors()[0].sample_ray(
+        0.0, 0.5, mi.Point2f((column + 0.5) / 40, (row + 0.5) / 30), mi.Point2f(0.5))
+    point = np.array(ray.o).ravel() + 3 * np.array(ray.d).ravel()
+    seen = matrix @ (turn @ point + pose[:3, 3])
+    assert seen[:2] / seen[2] == pytest.approx([column, row], abs=1e-3)
+    lamp = np.linalg.inv(pose) @ [0.5, 0, 0, 1]
+    stated = scene_file.root.find("emitter/point").get("value")
+    assert [float(part) for part in stated.split(",")] == pytest.approx(lamp[:3], abs=1e-6)
+
+
+@pytest.mark.parametrize("change, words", [
+    ({"masks": [np.ones((24, 24))]}, "1 masks"),
+    ({"steps": (0,)}, "steps"),
+    ({"white": [1.0, 1.0]}, "white of shape"),
+    ({"start": ((0, 0, 0), -1.0)}, "centre"),
+    ({"start": ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])}, "not closed")])
+def test_what_does_not_fit_is_refused(ball, change, words):
+    photos, scenes, white = ball
+    with pytest.raises(sb.InputError, match=words):
+        fitted(photos, scenes, **({"white": white} | change))
+
+
+def test_a_bright_ground_needs_masks(ball):
+    photos, scenes, white = ball
+    bright = [photo + 0.2 * photo.max() for photo in photos]
+    with pytest.raises(sb.InputError, match="masks="):
+        fitted(bright, scenes, white)
+    masked = start.cut_out(photo_of(bright[0]), photos[0].sum(axis=2) > 0, "photo")
+    assert masked.signal[photos[0].sum(axis=2) == 0].max() == 0
+    assert start.object_pixels(masked, "photo").any()
