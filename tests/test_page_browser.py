@@ -141,9 +141,11 @@ def test_fingers_move_and_zoom_the_photo_and_mark_where_they_stay(browser, calib
                 {"x": x, "y": y, "id": number} for number, (x, y) in enumerate(places)]})
 
         def stroke(first, last):
-            touch("touchStart", on_screen(page, *first))
+            # found before the finger is down: one that stays where it is draws
             middle = [(a + b) / 2 for a, b in zip(first, last, strict=True)]
-            for place in (on_screen(page, *middle), on_screen(page, *last)):
+            start, *further = [on_screen(page, *place) for place in (first, middle, last)]
+            touch("touchStart", start)
+            for place in further:
                 touch("touchMove", place)
             touch("touchEnd")
 
@@ -295,9 +297,13 @@ def test_a_fault_in_the_session_is_said_and_nothing_can_be_run(opened, calibrate
     session = calibrated_flat
     with served(session) as (address, _):
         page = opened(address)
+        page.wait_for_selector("body[data-look^=calibrated]")
         path = session / "session.toml"
         path.write_text(path.read_text(encoding="utf-8") + "[lihgt]\n", encoding="utf-8")
         page.wait_for_selector("#progress:has-text('1 problem')")
+        # the photo stays while the fault is mended, and can still be looked at
+        assert asked(f"{address}/api/tile?role=photo&halvings=0&column=0&row=0")[0] == 200
+        assert page.get_attribute("body", "data-look").startswith("calibrated")
         page.wait_for_selector("#hint:has-text('lihgt')")
         page.click("#progress")
         assert "lihgt" in page.inner_text("#panel")

@@ -93,7 +93,7 @@ def test_eight_tasks_take_no_more_clicks_than_the_how_to_says(tmp_path, opened):
         assert session_of(session)["regions"]["white card"]["known"].endswith("0.87.csv")
         # a number without the reading that it is from: stated, not measured
         page.click("#chips .stated[data-chip='light on the sample']")
-        page.wait_for_selector("#panel:has-text('as bright as stated')")
+        page.wait_for_selector("#panel:has-text('stated and not measured')")
         page.keyboard.press("Escape")
         with within(page, "Add a photo through a gel", tried) as files:
             page.click("text=+ Photo")

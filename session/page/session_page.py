@@ -9,6 +9,7 @@ from typing import IO, Any
 
 from spectrabox.capture.photo.preview import photo_orientation
 from spectrabox.measure.shoot.inputs import chart_of
+from spectrabox.measure.shoot.shoot import Shoot
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import InputError, SpectraboxError
 from spectrabox.radiometry.files import whole_file, writable
@@ -61,6 +62,7 @@ class SessionPage:
         self._states: tuple[Any, list[dict[str, Any]]] = (None, [])
         self._states_lock = threading.Lock()
         self._receiving: set[Path] = set()
+        self._readable: Shoot | None = None     # tables as they were last well written
 
     def start(self) -> None:
         """Begin what goes on beside the answers."""
@@ -96,7 +98,7 @@ class SessionPage:
         tables = written_session.shown_tables(text)
         marks = written_session.marks_of(tables)
         photos = []
-        for role, name in written_session.photos_of(tables).items():
+        for role, name in written_session.photos_of(self._tables_of_photos(text)).items():
             path = self._inside(name)
             if path is not None:
                 photos.append({"role": role, "file": name, "there": path.is_file(),
@@ -128,7 +130,7 @@ class SessionPage:
         if kind == "shot" and self.shooting is not None:
             shot = self.shooting.path(name)
             return PhotoFile(shot, photo_orientation(shot))
-        tables = written_session.shown_tables(self.marks.read()[0])
+        tables = self._tables_of_photos(self.marks.read()[0])
         named = written_session.photos_of(tables)
         if tables is not None and role in named:
             path = self._inside(named[role])
@@ -164,6 +166,15 @@ class SessionPage:
                 yield file, f"{part}/{target.name}"
         finally:
             self._receiving.discard(target)
+
+    def _tables_of_photos(self, text: str) -> Shoot | None:
+        """Tables that name the photos; while a fault is being mended, those from before it, so that
+        the photo is still shown. None where there were none.
+        """
+        tables = written_session.shown_tables(text)
+        if tables is not None:
+            self._readable = tables
+        return self._readable
 
     def _inside(self, name: str) -> Path | None:
         """Where a file of the session lies; None where it may not, or where no file can."""
