@@ -9,19 +9,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from spectrabox.measure import captured, extras, texts
-from spectrabox.measure.advice.advice import advised_of_facts
-from spectrabox.measure.extras import attempt
-from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.radiometry import errors, findings
 from spectrabox.radiometry.files import sha256_of
-from spectrabox.reconstruct.scene.scene_file import SceneFile
-from spectrabox.session.box.scenes import write_box_scenes
 from spectrabox.session.config.session_file import SessionConfig
 from spectrabox.session.kept_stages import FinishedRun
-from spectrabox.session.outputs.session_results import session_results
-from spectrabox.session.report import page
-from spectrabox.session.store import keys, locks, record_files, rehearsals, surface_files
+from spectrabox.session.store import keys, locks, record_files, rehearsals
 from spectrabox.session.terminal.progress_display import StageProgress
 
 
@@ -52,6 +44,16 @@ def write_outputs(config: SessionConfig, finished: FinishedRun, command_line: li
     failed : tuple of Finding
         What could not be made beside the answer; facts and text name it.
     """
+    # what makes a report takes seconds to import, and a run that finds all up to date makes none
+    from spectrabox.measure import captured, extras, texts
+    from spectrabox.measure.advice.advice import advised_of_facts
+    from spectrabox.measure.extras import attempt
+    from spectrabox.measure.results.scene_result import SceneResult
+    from spectrabox.reconstruct.scene.scene_file import SceneFile
+    from spectrabox.session.box.scenes import write_box_scenes
+    from spectrabox.session.outputs.session_results import session_results
+    from spectrabox.session.report import page
+    from spectrabox.session.store import surface_files
     results = session_results(config, finished,
                               keys.provenance(command_line, config.session.seed, device))
     if advice is not None:
