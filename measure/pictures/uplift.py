@@ -43,6 +43,10 @@ class PixelSpectra(tuple[np.ndarray, np.ndarray]):
         of the signal, by the linear estimate. Large where no reflectance that is known to occur has
         the signal.
 
+    References
+    ----------
+    That of `uplift`.
+
     Examples
     --------
     >>> import numpy as np
