@@ -310,7 +310,7 @@ def test_photos_from_one_tripod_are_one_command_and_each_has_its_own_lamp(tmp_pa
     assert len(wall["signal"]) == 9
     said = {photo["name"]: photo for photo in json.loads(outcome.stdout)["photos"]}
     assert "light: unknown; bands of its chart's" in said["photo"]["says"]
-    assert "light: the lamp of 'photo' through spectra/glass.csv" in said["glass"]["says"]
+    assert "light: the lamp of “photo” through spectra/glass.csv" in said["glass"]["says"]
     assert said["warm"]["shift_px"] < 0.5 and said["warm"]["residual_px"] < 1
     assert said["glass"]["left_out_bands"] == []
     folder = tmp_path / "_DSC1-flat"

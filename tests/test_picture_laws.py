@@ -144,7 +144,8 @@ def test_scatter_of_a_known_surface_is_that_beyond_its_noise(monkeypatch, spread
             keys=np.array([np.arange(nodes) % walls, *np.zeros((2, nodes), int)])),
                                relative_variance=np.full(nodes, traced_noise**2)),
         disagreement=0.0,
-        joint=SimpleNamespace(views=[SimpleNamespace(light_scale=LightScale(1, 0, None, ""))]))
+        joint=SimpleNamespace(views=[SimpleNamespace(light_scale=LightScale(1, 0, None, ""),
+                                                     findings=())]))
     monkeypatch.setattr(references, "surface_covariance", lambda *_: np.zeros((bands, bands)))
     _, found = references.compare_reference_surfaces(scene, light, np.ones(nodes, bool))
     # 4000 nodes know a variance of 3 % squared to 2.2 %: 2e-5

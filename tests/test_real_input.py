@@ -2,7 +2,6 @@
 for the scale.
 """
 import json
-import re
 
 import numpy as np
 import pytest
@@ -84,21 +83,18 @@ def test_an_exr_with_a_known_paint_gives_the_other_paints(converted):
         assert material["rmse_inverse_rendering"] < 0.15, material
 
 
-def test_a_photo_shifted_against_its_scene_is_said_by_how_much(converted):
+def test_a_photo_shifted_against_its_scene_has_its_camera_turned(converted):
     photo = open_photo(converted / "photos" / "box.exr")
     moved = np.roll(photo.signal, 8, axis=1)
     moved[:, :8] = moved[:, 8:9]
     write_exr(converted / "photos" / "box.exr", moved, ("R", "G", "B"))
-    assert run(converted).exit_code in (0, 4)
-    report = (converted / "report.html").read_text(encoding="utf-8")
-    said = re.search(r"shifted against the scene by ([+-][\d.]+) pixels to the right and "
-                     r"([+-][\d.]+) down, of (\d+)",
-                     report)
-    assert said is not None
-    right, down, across = (float(number) for number in said.groups())
-    # Eight of 156 pixels; the parabola through the correlation's peak is good to a third of a
-    # pixel.
-    assert right == pytest.approx(8 * across / 156, abs=0.4) and abs(down) < 0.5
+    outcome = run(converted)
+    assert outcome.exit_code in (0, 4)
+    found = {one["code"]: one["values"] for one in json.loads(outcome.stdout)["findings"]}
+    camera, = found["scene.estimated"]["parts"]
+    # eight of 156 pixels are three degrees of the camera's field of view
+    assert camera["what"] == "camera" and camera["named"]
+    assert camera["size"] == pytest.approx(3.1, abs=4 * camera["error"])
 
 
 def test_an_image_with_the_bands_missing_is_refused(converted):

@@ -208,7 +208,7 @@ def surfaces_of(noise, texture, seed):
         compared=np.ones(4800, bool),
         disagreement=np.hypot(0.01, 0.01),
         joint=SimpleNamespace(views=[SimpleNamespace(
-            light_scale=LightScale(1.0, 0.1, None, "photo"))]))
+            light_scale=LightScale(1.0, 0.1, None, "photo"), findings=())]))
     return photo_white.compare_reference_surfaces(scene, np.ones((4800, 61)),
                                                          np.ones(4800, bool))
 
