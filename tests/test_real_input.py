@@ -92,8 +92,8 @@ def test_a_photo_shifted_against_its_scene_has_its_camera_turned(converted):
     assert outcome.exit_code in (0, 4)
     found = {one["code"]: one["values"] for one in json.loads(outcome.stdout)["findings"]}
     camera, = found["scene.estimated"]["parts"]
-    # eight of 156 pixels are 1.9 degrees; a turn of the camera looks like a shift of it, so the size
-    # is not bound here
+    # eight of 156 pixels are 1.9 degrees; a turn of the camera looks like a shift of it, so that
+    # the size is not bound here
     assert camera["what"] == "camera" and camera["named"]
     assert camera["size"] > 3 * camera["error"]
 
