@@ -13,7 +13,12 @@ from spectrabox.radiometry.findings import Severity
 from spectrabox.radiometry.interreflection import relative_operator
 from spectrabox.radiometry.records.spectra import Outcome, Progress
 from spectrabox.reconstruct import linearity, scene_estimate
-from spectrabox.reconstruct.agreement import SceneErrors, scene_errors, surface_agreement
+from spectrabox.reconstruct.agreement import (
+    SceneErrors,
+    scene_errors,
+    shifted,
+    surface_agreement,
+)
 from spectrabox.reconstruct.fit import transport_fit
 from spectrabox.reconstruct.fit.view_terms import Nuisances, ViewFit
 from spectrabox.reconstruct.known_light import tie_to_known
@@ -126,6 +131,8 @@ def _with_scene_estimated(
         return found, (fit,), answers
 
     as_stated = tied, fits, solutions
+    # against the scene as stated: a pose that is estimated would hide that the photo was cropped
+    cropped = shifted(stated.view.measured, solutions[0].renderings.mean(axis=0))
     parts, turn = [], np.zeros(3)
     for _ in range(scene_estimate.POSE_ROUNDS):
         step = scene_estimate.estimate_pose(stated.view, solutions[0].renderings.mean(axis=0))
@@ -158,7 +165,7 @@ def _with_scene_estimated(
                             stated.region, stated.group, settings.seed, lambda done, what: None)
         tied, fits, solutions = solved(replace(stated, view=estimate.view, traced=traced))
         parts += estimate.parts
-    findings = (scene_estimate.finding(parts),) if parts else ()
+    findings = (scene_estimate.finding(parts), *cropped) if parts else ()
     covariance = {} if estimate is None else estimate.covariance
     return tied, fits, tuple(replace(
         one, findings=(*one.findings, *findings), scene_covariance=covariance)
