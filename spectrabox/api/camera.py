@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spectrabox.api import arguments, array_arguments, shoot_arguments
+from spectrabox.api import arguments, shoot_arguments
 from spectrabox.api.chart_check import ChartCheck
 from spectrabox.api.colour_profile import ColourProfile, MatrixComparison, profile_of
 from spectrabox.api.photo import Photo, open_photo
@@ -323,7 +323,7 @@ def _given_patches(patches: ArrayLike | str | Path, patch_errors: ArrayLike | No
             raise errors.InputError("a table of patches states its errors itself; leave "
                                     "patch_errors out")
         return camera_files.read_patches(Path(patches), layout)
-    signal = array_arguments.as_numbers(patches, "patches")
+    signal = arguments.as_numbers(patches, "patches")
     if signal.ndim != 2 or len(signal) != len(layout.names) or not np.isfinite(signal).all():
         raise errors.InputError(
             f"patches of shape {signal.shape} were given; give finite signals "
@@ -331,7 +331,7 @@ def _given_patches(patches: ArrayLike | str | Path, patch_errors: ArrayLike | No
             f"{layout.names[-1]} last")
     error = None
     if patch_errors is not None:
-        error = array_arguments.as_numbers(patch_errors, "patch_errors")
+        error = arguments.as_numbers(patch_errors, "patch_errors")
         if error.shape != signal.shape or not np.all(error >= 0):
             raise errors.InputError(f"patch_errors of shape {error.shape} were given; give "
                                     f"standard errors {signal.shape} of 0 or more")

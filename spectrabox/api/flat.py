@@ -7,7 +7,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from spectrabox.api import arguments, array_arguments, estimates, shoot_arguments
+from spectrabox.api import arguments, estimates, shoot_arguments
 from spectrabox.api.chart_check import ChartCheck
 from spectrabox.api.colour_profile import ColourProfile, profile_of
 from spectrabox.api.photo import Photo
@@ -184,7 +184,7 @@ def flat(photo: str | Path | Photo, regions: Mapping[str, OutlineLike], *,
             ("families", families, 'such as {"wall": "paint"}'), ("known", known, '{"card": 0.9}'),
             ("truth", truth, '{"wall": "wall.csv"}'),
             ("filtered", filtered, '{"gel.dng": "gel.csv"}'), ("also", also, '{"led.dng": "led"}')):
-        array_arguments.require_mapping(given, argument, form)
+        arguments.require_mapping(given, argument, form)
     for name in (*(families or {}), *(known or {}), *(truth or {})):
         if name not in regions:
             raise InputError(f"there is no region {name!r}; there are {', '.join(regions)}")

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from spectrabox.api import arguments
-from spectrabox.api.array_arguments import as_code_values, as_number, as_numbers
 from spectrabox.api.photo import Photo, open_photo
 from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.api.signals import OBSERVER
@@ -96,7 +95,7 @@ def uplift(image: ArrayLike | Photo | str | Path, *, camera: arguments.CameraLik
     if camera is None or light is None:
         raise InputError("pixels need the camera that saw them and their light (camera=, light=); "
                          "a PNG or JPEG in sRGB is given with encoded=True")
-    pixels = image.signal if isinstance(image, Photo) else as_numbers(image, "image")
+    pixels = image.signal if isinstance(image, Photo) else arguments.as_numbers(image, "image")
     if pixels.ndim != 3 or not pixels.size:
         raise InputError(f"an image of shape {pixels.shape} was given; give (height, width, bands) "
                          "with one pixel or more")
@@ -117,8 +116,8 @@ def uplift(image: ArrayLike | Photo | str | Path, *, camera: arguments.CameraLik
     with progress_steps(progress, "uplift") as step:
         return uplift_image(pixels, response,
                             arguments.as_prior(prior, arguments.families_of(families)),
-                            as_number(noise, "noise"),
-                            white=None if white is None else as_numbers(white, "white"),
+                            arguments.as_number(noise, "noise"),
+                            white=None if white is None else arguments.as_numbers(white, "white"),
                             encoded=encoded, progress=lambda share: step(share, "tables"))
 
 
@@ -129,7 +128,7 @@ def _code_values(image: ArrayLike | Photo | str | Path) -> np.ndarray:
     if isinstance(image, Photo):
         raise InputError("a photo that is open holds linear values; give the file of a picture in "
                          "sRGB, or its code values")
-    values, _ = as_code_values(image, "image")
+    values, _ = arguments.as_code_values(image, "image")
     if values.ndim != 3:
         raise InputError(f"sRGB code values of shape {values.shape} were given; give (height, "
                          "width, 3)")

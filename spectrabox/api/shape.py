@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spectrabox.api import arguments, array_arguments
+from spectrabox.api import arguments
 from spectrabox.api.estimates import SpectrumEstimates
 from spectrabox.api.photo import Photo, open_photo
 from spectrabox.api.progress import ProgressLike, progress_steps
@@ -322,7 +322,7 @@ def _posed(opened: Sequence[Photo], poses: np.ndarray,
            intrinsics: ArrayLike | None) -> list[tuple[lens.Lens, np.ndarray]]:
     if intrinsics is None:
         raise InputError("poses that are matrices need intrinsics=, the camera matrix (3, 3)")
-    matrix = array_arguments.as_numbers(intrinsics, "intrinsics")
+    matrix = arguments.as_numbers(intrinsics, "intrinsics")
     if matrix.shape != (3, 3) or poses.shape != (len(opened), 4, 4):
         raise InputError(f"poses of shape {poses.shape} and intrinsics of shape {matrix.shape} "
                          f"were given; ({len(opened)}, 4, 4) and (3, 3) are needed")
@@ -373,7 +373,7 @@ def _views(opened: Sequence[Photo], scenes: Sequence[SceneFile], calibration: Ca
            width: int) -> list[PhotoView]:
     """The photos relative to white, on black, at the size that is compared."""
     bands = len(calibration.sensitivity.curves)
-    whites = np.ones(bands) if white is None else array_arguments.as_numbers(white, "white")
+    whites = np.ones(bands) if white is None else arguments.as_numbers(white, "white")
     if whites.shape not in ((bands,), (len(opened), bands)) or np.any(whites <= 0):
         raise InputError(f"white of shape {whites.shape} was given; positive numbers are needed, "
                          f"one a band ({bands},) or a row for each photo ({len(opened)}, {bands})")
@@ -410,7 +410,7 @@ def _start_mesh(start: str | Path | tuple[ArrayLike, ArrayLike | float] | None,
     if isinstance(start, str | Path):
         vertices, faces = starts.read_closed_mesh(Path(start))
     elif np.ndim(start[1]) == 0:
-        middle = array_arguments.as_numbers(start[0], "start")
+        middle = arguments.as_numbers(start[0], "start")
         radius = float(np.asarray(start[1]))
         if middle.shape != (3,) or not radius > 0:
             raise InputError("a sphere to start from is its centre (x, y, z) and its radius; "

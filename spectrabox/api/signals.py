@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from spectrabox.api import arguments
-from spectrabox.api.array_arguments import as_code_values, as_number, as_numbers
 from spectrabox.api.estimates import SpectrumEstimates
 from spectrabox.measure.advice.advise import advice_on_estimate
 from spectrabox.measure.estimate import Estimate
@@ -116,7 +115,7 @@ def sample(signals: ArrayLike | None = None, *, camera: arguments.CameraLike | N
             if light not in (None, "D65"):
                 raise InputError("srgb= is a colour under D65; leave light out")
             light = "D65"
-            values, rounded = as_code_values(srgb, "srgb")
+            values, rounded = arguments.as_code_values(srgb, "srgb")
             signals = signal_of_srgb(values)
             origin = signal_capture.of_colours("srgb", 255 * values)
             if rounded and noise is None:
@@ -126,15 +125,18 @@ def sample(signals: ArrayLike | None = None, *, camera: arguments.CameraLike | N
             if not isinstance(light, str):
                 raise InputError("the light of a colour is given by its CIE name, such as 'D65' "
                                  "or 'A'")
-            signals = signal_of_colour(light, lab=None if lab is None else as_numbers(lab, "lab"),
-                                       xyz=None if xyz is None else as_numbers(xyz, "xyz"))
-            if xyz is not None:
-                origin = signal_capture.of_colours("xyz", as_numbers(xyz, "xyz"))
+            if lab is not None:
+                signals = signal_of_colour(light, lab=arguments.as_numbers(lab, "lab"))
+            else:
+                assert xyz is not None
+                stated = arguments.as_numbers(xyz, "xyz")
+                signals = signal_of_colour(light, xyz=stated)
+                origin = signal_capture.of_colours("xyz", stated)
     if signals is None or camera is None or light is None:
         raise InputError("signals need the camera that saw them and their light (camera=, light=); "
                          "a colour is given as lab=, xyz= or srgb=")
     response = arguments.relative_response(camera, light)
-    given = as_numbers(signals, "signals")
+    given = arguments.as_numbers(signals, "signals")
     bands = len(response)
     rows = np.atleast_2d(given)
     if given.ndim not in (1, 2) or rows.shape[1] != bands:
@@ -142,11 +144,11 @@ def sample(signals: ArrayLike | None = None, *, camera: arguments.CameraLike | N
                          f"bands; give ({bands},) or (number, {bands})")
     if not rows.size:
         raise InputError("no signal is given: signals has no row")
-    errors = None if noise is None else as_numbers(noise, "noise")
+    errors = None if noise is None else arguments.as_numbers(noise, "noise")
     if errors is not None and errors.shape not in ((), (bands,)):
         raise InputError(f"noise of shape {errors.shape} was given for {bands} bands; give one "
                          f"standard error, or one a band ({bands},)")
-    whites = None if white is None else as_numbers(white, "white")
+    whites = None if white is None else arguments.as_numbers(white, "white")
     if whites is not None and whites.shape != (bands,):
         raise InputError(f"white of shape {whites.shape} was given for {bands} bands; give what a "
                          f"perfect white reads in each ({bands},)")
@@ -160,11 +162,11 @@ def sample(signals: ArrayLike | None = None, *, camera: arguments.CameraLike | N
     capture = signal_capture.SignalCapture(
         response, rows, tuple(labels), whites,
         None if errors is None else np.broadcast_to(errors, bands).copy(),
-        as_number(light_error, "light_error"), as_number(sensitivity_error,
+        arguments.as_number(light_error, "light_error"), arguments.as_number(sensitivity_error,
                                                          "sensitivity_error"), learnt,
         given=(*origin, *signal_capture.of_curves(fit_error, sensitivity_error, doubts)))
     each = sample_signals(capture, SampleOptions(method, draws, seed, coefficients,
-                                                 as_number(level, "level")),
+                                                 arguments.as_number(level, "level")),
                           with_draws=given.ndim == 1)
     estimates = [replace(one, advise=partial(advice_on_estimate, one)) for one in each]
     return estimates[0] if given.ndim == 1 else SpectrumEstimates(estimates)
@@ -228,7 +230,7 @@ def match(signal: Estimate | ArrayLike,
     if not isinstance(signal, Estimate):
         if camera is None or light is None:
             raise InputError("a signal that is given as numbers needs its camera and its light")
-        if as_numbers(signal, "signal").ndim != 1:
+        if arguments.as_numbers(signal, "signal").ndim != 1:
             raise InputError("one signal is identified at a time: give (K,) numbers or an estimate")
         one = sample(signal, camera=camera, light=light, noise=noise, prior=prior)
         assert isinstance(one, Estimate)
