@@ -355,3 +355,16 @@ def test_a_camera_is_fitted_to_patches_as_to_their_photo(demos, monkeypatch, tmp
             sb.fit_camera(patches=wrong, light="D65")
     with pytest.raises(sb.InputError, match="either"):
         sb.fit_camera("painting/photos/painting.dng", patches=chart.mean, light="D65")
+
+
+def test_a_program_renders_on_with_the_threads_that_it_had(mitsuba, captured, tmp_path):
+    import drjit
+    before = drjit.thread_count()
+    drjit.set_thread_count(2)
+    try:
+        sb.Session(captured).run()
+        assert drjit.thread_count() == 2
+        # with one thread this would wait for ever
+        mitsuba.Bitmap(np.zeros((4, 4, 3), np.float32)).write(str(tmp_path / "black.exr"))
+    finally:
+        drjit.set_thread_count(before)

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import sys
 import threading
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -79,6 +80,25 @@ def start_mitsuba(device: str = "auto") -> ModuleType:
         return mi
 
 
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextlib.contextmanager
+def threads_given_back() -> Iterator[None]:
+    """A program that calls the library renders on as it did: with the one thread of
+    ``start_mitsuba`` Mitsuba's reader and writer of EXR files would wait for ever.
+    """
+    drjit = sys.modules.get("drjit")
+    before = _cores() if drjit is None else drjit.thread_count()
+    try:
+        yield
+    finally:
+        drjit = sys.modules.get("drjit")
+        if drjit is not None:
+            drjit.set_thread_count(before)
+
+
 @contextlib.contextmanager
 def all_cores() -> Iterator[None]:
     """Work that gives the same bits in any order may use every core of this process."""
@@ -89,9 +109,8 @@ def all_cores() -> Iterator[None]:
         yield
         return
     before = dr.thread_count()
-    cores = (len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity")
-             else os.cpu_count() or 1)
-    dr.set_thread_count(max(cores, 2))  # not 1: Mitsuba's reader of EXR files would wait for ever
+    # not 1: Mitsuba's reader of EXR files would wait for ever
+    dr.set_thread_count(max(_cores(), 2))
     try:
         yield
     finally:

@@ -24,6 +24,7 @@ from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.records.spectra import Quantity, default_band_names
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.radiometry.system.threads import one_blas_thread
+from spectrabox.reconstruct.rendering.renderer import threads_given_back
 from spectrabox.session.camera import camera_files
 
 if TYPE_CHECKING:
@@ -226,6 +227,7 @@ class CameraEstimate:
                            (self.fit.line, *self.checks))
 
 
+@threads_given_back()
 @one_blas_thread()
 def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo] | None = None, *,
                patches: ArrayLike | str | Path | None = None,

@@ -38,6 +38,7 @@ from spectrabox.radiometry.records.scenes import JointReconstruction
 from spectrabox.radiometry.records.spectra import Spectrum
 from spectrabox.radiometry.spectra.given_spectra import KnownSpectrum
 from spectrabox.radiometry.system.threads import one_blas_thread
+from spectrabox.reconstruct.rendering.renderer import threads_given_back
 from spectrabox.reconstruct.scene.scene_file import SceneFile, scene_of_text
 from spectrabox.reconstruct.scene.scene_xml import recovered_xml
 
@@ -151,6 +152,7 @@ class SceneSpectra(MeasuredSpectra):
         return axes
 
 
+@threads_given_back()
 @one_blas_thread()
 def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, light: arguments.LightLike,
                       materials: Sequence[str] | Mapping[str, KnownSpectrum | None],

@@ -8,6 +8,7 @@ from spectrabox.api import flat, scene
 from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.measure import captured, estimate, plots
 from spectrabox.radiometry.errors import CheckError
+from spectrabox.reconstruct.rendering.renderer import threads_given_back
 from spectrabox.session import kept_stages, pipeline
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.outputs import run_outputs, session_results
@@ -59,6 +60,7 @@ class Session(Mapping[str, estimate.Estimate]):
         if problems:
             raise CheckError("\n".join(problem.sentence for problem in problems))
 
+    @threads_given_back()
     def run(self, *, device: str = "auto", force: bool = False,
             progress: ProgressLike = None) -> Session:
         """Run every stage whose inputs changed, and write report and spectra into the folder.

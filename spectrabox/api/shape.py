@@ -29,7 +29,7 @@ from spectrabox.radiometry.records.scenes import Reconstruction
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.radiometry.system.threads import one_blas_thread
-from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.reconstruct.rendering.renderer import start_mitsuba, threads_given_back
 from spectrabox.reconstruct.scene import edit_scene
 from spectrabox.reconstruct.scene.scene_file import (
     SceneFile,
@@ -102,6 +102,7 @@ class ShapeSpectra(SpectrumEstimates):
         self.loss_history = shape.loss_history
         self.converged = shape.outcome is Outcome.CONVERGED
 
+    @threads_given_back()
     def to_ply(self, path: str | Path) -> Path:
         """Write the mesh as a PLY file with smooth normals, which Mitsuba and others read.
 
@@ -152,6 +153,7 @@ class ShapeSpectra(SpectrumEstimates):
         return figure
 
 
+@threads_given_back()
 @one_blas_thread()
 def fit_shape(photos: Sequence[str | Path | Photo | np.ndarray], poses: PoseLike, *,
               camera: arguments.CameraLike, light: arguments.LightLike,
