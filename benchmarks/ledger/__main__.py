@@ -25,6 +25,7 @@ from benchmarks.ledger import (
     real,
     recorded,
     rows,
+    scenes,
     signals,
     simulated,
     speed,
@@ -35,7 +36,7 @@ from benchmarks.ledger import (
 GROUPS = ("real", "simulated", "signals", "speed")
 LAST = recorded.ROOT / "build" / "ledger.json"
 DATA = "real/"          # rows that need measured data
-FILES = (real, boxes, simulated, signals, speed)      # the longest tasks first
+FILES = (real, boxes, scenes, simulated, signals, speed)      # the longest tasks first
 
 
 def main(words: list[str] | None = None) -> int:
