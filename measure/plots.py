@@ -1,6 +1,4 @@
 """Plots of estimates, as every picture of the project is drawn."""
-
-
 from __future__ import annotations
 
 import itertools
@@ -9,15 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
-from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
-from matplotlib.ticker import FuncFormatter
 
 from spectrabox.measure.profiles.camera_profile import ComparedMatrices
 from spectrabox.radiometry.appearance import reflectance_to_srgb
 from spectrabox.radiometry.records.spectra import SpectrumSummary
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:   # Matplotlib takes a while to import
+    from matplotlib.axes import Axes
+
     from spectrabox.measure.estimate import Estimate
 
 
@@ -67,8 +64,7 @@ def plot_estimate(axes: Axes, summary: SpectrumSummary, draws: np.ndarray | None
         chosen = np.random.default_rng(0).choice(len(draws), min(DRAWS_SHOWN, len(draws)),
                                                  replace=False)
         lines_nm = nm if draws_nm is None else draws_nm
-        axes.add_collection(LineCollection([np.c_[lines_nm, draw] for draw in draws[chosen]],
-                                           colors=QUIET, lw=0.5, alpha=0.3))
+        axes.plot(lines_nm, draws[chosen].T, color=QUIET, lw=0.5, alpha=0.3)
         axes.plot([], [], color=QUIET, lw=0.7, alpha=0.6, label=f"{len(chosen)} draws")
     axes.fill_between(nm, summary.lower, summary.upper, color=MEAN, alpha=0.18, lw=0,
                       label=f"{100 * summary.level:.4g} % band")
@@ -132,7 +128,7 @@ def plot_light(axes: Axes, nm: np.ndarray, values: np.ndarray,
         axes.fill_between(nm, *band, color=QUIET, alpha=0.3, lw=0)
     frame_wavelengths(axes, nm)
     axes.set(ylabel=quantity, ylim=(0, None))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}"))
+    axes.yaxis.set_major_formatter(lambda value, _: f"{value:.3g}")
 
 
 def plot_matrices(entries: Axes, errors: Axes, compared: ComparedMatrices) -> None:

@@ -27,6 +27,8 @@ from spectrabox.radiometry.shaped import Record
 
 Kind = TypeVar("Kind")
 
+CALIBRATED = "calibrated"   # name of a photo's picture in the colours of its calibration
+
 
 class KeptRecord(Protocol):
     """The record of one step, in memory or on disk."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from spectrabox.measure.captured import FlatCapture, SceneCapture
+from spectrabox.measure.captured import Capture, FlatCapture, SceneCapture
 from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.steps.declared_steps import needed_steps
 from spectrabox.radiometry.errors import InputError, SpectraboxError
@@ -63,15 +63,21 @@ class FinishedRun:
                 "stages": self.fingerprints()}
 
 
-def stage_states(config: SessionConfig) -> list[StageState]:
+def stage_states(config: SessionConfig, capture: Capture | None = None) -> list[StageState]:
     """How far a session has come, and why any stage must be run again.
+
+    Parameters
+    ----------
+    config : SessionConfig
+    capture : Capture, optional
+        Of the session, where it is read already.
 
     Returns
     -------
     list of StageState
         Of all stages, in order.
     """
-    keys = step_keys(config.capture(), InputFiles(config))
+    keys = step_keys(capture or config.capture(), InputFiles(config))
     states = [] if "chart" in keys else [StageState("chart", "not needed", (), None)]
     for name, key in keys.items():
         stored = record_files.load_stage(config.results_folder, name)
@@ -99,17 +105,20 @@ def states_without_inputs(config: SessionConfig) -> list[StageState]:
     return states
 
 
-def warn_of_stale_stages(config: SessionConfig, tell: Callable[[str], None]) -> list[str]:
+def warn_of_stale_stages(config: SessionConfig, capture: Capture,
+                         tell: Callable[[str], None]) -> list[str]:
     """Names of the stages whose stored results are of other inputs than the session has now.
 
     Parameters
     ----------
     config : SessionConfig
+    capture : Capture
+        Of the session.
     tell : function of a sentence
         Warns whoever is shown these results all the same.
     """
     try:
-        stale = [state for state in stage_states(config) if state.state == "stale"]
+        stale = [state for state in stage_states(config, capture) if state.state == "stale"]
     except SpectraboxError as error:
         tell(f"warning: whether results are up to date is not known: {error}")
         return []

@@ -31,7 +31,7 @@ from benchmarks.bench_extras import Tally, answers_of, drawn_case
 WHY = "planted: zero-size array"
 # functions without which an extra cannot be made, and what the extra is called
 OF_A_REPORT = {
-    "spectrabox.measure.results.capture_result.advice_on_capture": "advice",
+    "spectrabox.measure.advice.advise.advice_on_capture": "advice",
     "spectrabox.measure.results.surface_result.metamer_pair":
         "comparison of spectra that look alike",
     "spectrabox.session.report.cards.Markup": "picture of spectra that look alike",
@@ -170,7 +170,7 @@ def test_a_batch_names_what_failed_and_tries_it_again(measured, tmp_path, monkey
 def test_the_library_returns_the_answer_without_its_advice(measured, monkeypatch):
     folder, _ = measured
     result = None
-    monkeypatch.setattr("spectrabox.measure.results.capture_result.advice_on_capture", fails)
+    monkeypatch.setattr("spectrabox.measure.advice.advise.advice_on_capture", fails)
     result = sb.flat(folder / "photos" / "sample.dng", {"cube": rect_of("cube")}, progress=False)
     assert result["cube"].mean.shape and result.facts()["regions"]
     assert result.advice == result["cube"].advice == ()

@@ -110,7 +110,7 @@ def test_what_to_do_next_is_forecast_again_only_for_other_results(reported, monk
     advice = json.loads(call("run", reported, "--json").stdout)["advice"]
     assert advice["overall"] and advice["surfaces"]
     forecasts = []
-    monkeypatch.setattr("spectrabox.measure.results.capture_result.advice_on_capture",
+    monkeypatch.setattr("spectrabox.measure.advice.advise.advice_on_capture",
                         lambda *_: forecasts.append(1) or Advised())
     (reported / "report.html").unlink()
     assert json.loads(call("run", reported, "--json").stdout)["advice"] == advice

@@ -12,7 +12,6 @@ import numpy as np
 
 from spectrabox.measure import conditions, extras, rules, texts, words
 from spectrabox.measure.advice.advice import Advised
-from spectrabox.measure.advice.advise import advice_on_capture
 from spectrabox.measure.captured import Capture
 from spectrabox.measure.extras import attempt, different
 from spectrabox.measure.records import CaptureRecords, PictureRecords
@@ -287,7 +286,12 @@ def common_findings(capture: Capture, records: CaptureRecords) -> dict[str, Any]
             "calibration_findings": records.calibrate.findings,
             "kept": records.findings,
             "picture": records.picture,
-            "advise": partial(advice_on_capture, capture, records)}
+            "advise": partial(_advice_on, capture, records)}
+
+
+def _advice_on(capture: Capture, records: CaptureRecords) -> Advised:
+    from spectrabox.measure.advice import advise  # a report has it among the stored results
+    return advise.advice_on_capture(capture, records)
 
 
 def surface_of_records(capture: Capture, records: CaptureRecords, name: str,

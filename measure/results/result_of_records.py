@@ -1,11 +1,15 @@
 """What the steps of a measurement have made, as what was found."""
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from spectrabox.measure.captured import FlatCapture, SceneCapture
 from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.results.flat_result import FlatResult, flat_result
 from spectrabox.measure.results.scene_result import SceneResult, scene_result
-from spectrabox.measure.scene.rehearsal import Rehearsed
+
+if TYPE_CHECKING:
+    from spectrabox.measure.scene.rehearsal import Rehearsed
 
 
 def result_of(capture: FlatCapture | SceneCapture, records: CaptureRecords,

@@ -5,7 +5,7 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,11 +13,13 @@ from spectrabox.measure import captured, conditions, rules
 from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.results import capture_result
 from spectrabox.measure.results.methods import scene_methods
-from spectrabox.measure.scene.rehearsal import Rehearsed
 from spectrabox.radiometry.error_model import LEVEL_BY_PRIOR
 from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.calibration import Calibration, LightScale
 from spectrabox.radiometry.records.scenes import Reconstruction, SceneGeometry
+
+if TYPE_CHECKING:
+    from spectrabox.measure.scene.rehearsal import Rehearsed
 
 
 @dataclass(frozen=True, eq=False)

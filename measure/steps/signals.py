@@ -10,7 +10,13 @@ from spectrabox.capture.chart.patches import clipped_bands
 from spectrabox.measure.captured import Capture, FlatCapture, View
 from spectrabox.measure.extras import attempt, to_keep
 from spectrabox.measure.pictures import shown_photo
-from spectrabox.measure.records import CaptureRecords, RegionLight, SampleRecords, SignalRecords
+from spectrabox.measure.records import (
+    CALIBRATED,
+    CaptureRecords,
+    RegionLight,
+    SampleRecords,
+    SignalRecords,
+)
 from spectrabox.measure.regions.flat_signals import flat_signals
 from spectrabox.measure.regions.moved_lamp import differences_of_photos
 from spectrabox.measure.regions.white import (
@@ -26,8 +32,6 @@ from spectrabox.measure.surfaces.surface_spectra import DrawOptions, sample_surf
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.spectra import SpectrumSamples
-
-CALIBRATED = "calibrated"   # name of a photo's picture in the colours of its calibration
 
 
 def find_signals(capture: FlatCapture, records: CaptureRecords, work: Work) -> SignalRecords:

@@ -167,4 +167,5 @@ def finished_session(folder: Path, allow_outside: bool
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.kept_stages import load_finished, warn_of_stale_stages
     config = read_session(folder, allow_outside)
-    return config, load_finished(config), warn_of_stale_stages(config, command_line.tell)
+    finished = load_finished(config)
+    return config, finished, warn_of_stale_stages(config, finished.capture, command_line.tell)

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from spectrabox.measure.captured import Capture, View
-from spectrabox.measure.records import CaptureRecords
+from spectrabox.measure.records import CALIBRATED, CaptureRecords
 from spectrabox.measure.results import flat_result, result_of_records, scene_result
-from spectrabox.measure.steps.signals import CALIBRATED
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, read_curves

@@ -4,11 +4,14 @@ from __future__ import annotations
 import dataclasses
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from spectrabox.measure.scene.rehearsal import Rehearsed, RehearsedMaterial
 from spectrabox.radiometry.files import write_text_whole
 from spectrabox.session.config.session_file import SessionConfig
 from spectrabox.session.store.record_files import fingerprint, load_stage
+
+if TYPE_CHECKING:
+    from spectrabox.measure.scene.rehearsal import Rehearsed
 
 FILE = "rehearsal.json"
 
@@ -27,6 +30,7 @@ def stored_rehearsal(config: SessionConfig) -> Rehearsed | None:
         stored = json.loads((config.results_folder / FILE).read_text(encoding="utf-8"))
         if stored.pop("of") != _what(config):
             return None
+        from spectrabox.measure.scene.rehearsal import Rehearsed, RehearsedMaterial
         materials = tuple(RehearsedMaterial(**{**each, "ranks": tuple(each["ranks"])})
                           for each in stored.pop("materials"))
         return Rehearsed(**stored, materials=materials)
