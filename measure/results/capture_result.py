@@ -289,9 +289,9 @@ def common_findings(capture: Capture, records: CaptureRecords) -> dict[str, Any]
             "advise": partial(_advice_on, capture, records)}
 
 
-def _advice_on(capture: Capture, records: CaptureRecords) -> Advised:
+def _advice_on(capture: Capture, records: CaptureRecords, *at_hand: Any) -> Advised:
     from spectrabox.measure.advice import advise  # a report has it among the stored results
-    return advise.advice_on_capture(capture, records)
+    return advise.advice_on_capture(capture, records, *at_hand)
 
 
 def surface_of_records(capture: Capture, records: CaptureRecords, name: str,
