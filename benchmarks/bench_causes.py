@@ -3,8 +3,7 @@
 Small photos of a ColorChecker Classic by cameras whose maker is left out of the prior, under lamps
 that the prior does not hold: copies of the chart, noise, a light that falls off a little, a little
 glare, and one fault on top. The simulator shares no model with what is judged. Each photo is judged
-as ``spectrabox chart`` does and fitted as ``spectrabox camera fit`` does, and what both find is
-kept in a file (``--store``), so that rules are tried without running the fits again.
+as ``spectrabox chart`` does and fitted as ``spectrabox camera fit`` does.
 
 A row a cause, for the photo by itself and for its fit. "right": it alone is named; "open": two or
 three causes are named and it is among them; "wrong": others are named; "nothing": no finding claims
@@ -16,7 +15,6 @@ number, and the table is of those of odd number (``--half even`` shows the other
 from __future__ import annotations
 
 import argparse
-import pickle
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -260,9 +258,9 @@ class Said(NamedTuple):
 
 
 def said(found: dict[str, Any]) -> Said:
-    """What is said of a stored photo."""
+    """What is said of a photo."""
     cause, photo, fit = found["cause"], ranking_of_photo(found), ranking_of_fit(found)
-    # what was stored was found with the rule of that day
+    # as the findings were before causes compete
     of_photo, of_fit = without_rule(found["chart"]), without_rule(found["fit"])
     named = claimed(chart_causes.settled(of_photo, photo, "chart.cause"))
     named_fit = claimed(of_fit if fit is None else chart_causes.settled(
@@ -317,25 +315,20 @@ def table(rows: Sequence[Said]) -> None:
 def main() -> None:
     """Photograph, fit, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--data", type=Path, help="folder with cameras/ and lights/")
-    parser.add_argument("--store", type=Path, required=True, help="what was found of each photo")
+    parser.add_argument("--data", type=Path, required=True, help="folder with cameras/ and lights/")
     parser.add_argument("--cases", type=int, default=20, help="of each cause")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--half", choices=("odd", "even", "all"), default="odd")
     asked = parser.parse_args()
     with threadpool_limits(1):
-        if asked.data:
-            database = read_camera_database(asked.data / "cameras")
-            with np.load(asked.data / "lights" / "lights_for_checks.npz") as stored:
-                lamps = np.array([np.interp(FINE_GRID.nm, stored["wavelengths_nm"], spectrum)
-                                  for spectrum in stored["spectra"]])
-            data = database, np.asarray(makers_of(database)), lamps, {}
-            photos = [case(cause, number, asked.seed, data) for number in range(asked.cases)
-                      for cause in (NONE, *chart_causes.CAUSES)]
-            asked.store.write_bytes(pickle.dumps(photos))
-        found = pickle.loads(asked.store.read_bytes())      # noqa: S301 our own
+        database = read_camera_database(asked.data / "cameras")
+        with np.load(asked.data / "lights" / "lights_for_checks.npz") as stored:
+            lamps = np.array([np.interp(FINE_GRID.nm, stored["wavelengths_nm"], spectrum)
+                              for spectrum in stored["spectra"]])
+        data = database, np.asarray(makers_of(database)), lamps, {}
         wanted = {"odd": (1,), "even": (0,), "all": (0, 1)}[asked.half]
-        table([said(one) for one in found if one["number"] % 2 in wanted])
+        table([said(case(cause, number, asked.seed, data)) for number in range(asked.cases)
+               if number % 2 in wanted for cause in (NONE, *chart_causes.CAUSES)])
 
 
 if __name__ == "__main__":
