@@ -101,21 +101,64 @@ def _run(folder):
 
 
 @pytest.fixture(scope="session")
-def _captured(tmp_path_factory):
-    return small_demo(tmp_path_factory.mktemp("capture") / "box", card=False)
+def made_once(tmp_path_factory):
+    """A function that gives this worker's copy of a session: the first worker that asks makes it,
+    ``make(folder)``, and the others wait for it.
+    """
+    from spectrabox.session.store.locks import held_lock
+    own = tmp_path_factory.getbasetemp()
+    every = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "made-once"
+
+    def copy_of(name, make):
+        folder, whole = every / name, every / f"{name}.whole"
+        with held_lock(every / f"{name}.lock"):
+            if not whole.exists():
+                shutil.rmtree(folder, ignore_errors=True)
+                make(folder)
+                whole.touch()
+        return shutil.copytree(folder, tmp_path_factory.mktemp("copy") / name)
+    every.mkdir(exist_ok=True)
+    return copy_of
 
 
 @pytest.fixture(scope="session")
-def finished_demo(tmp_path_factory):
+def _captured(made_once):
+    return made_once("captured", lambda folder: small_demo(folder / "box", card=False)) / "box"
+
+
+@pytest.fixture(scope="session")
+def finished_demo(made_once):
     """The demo's session as its command writes it, with the results of every stage; not to be
     changed.
     """
-    return _run(small_demo(tmp_path_factory.mktemp("demo") / "box", card=True))
+    return made_once("demo", lambda folder: _run(small_demo(folder / "box", card=True))) / "box"
 
 
 @pytest.fixture(scope="session")
-def _finished(_captured, tmp_path_factory):
-    return _run(shutil.copytree(_captured, tmp_path_factory.mktemp("finished") / "box"))
+def _finished(_captured, made_once):
+    return made_once("finished", lambda folder: _run(
+        shutil.copytree(_captured, folder / "box"))) / "box"
+
+
+@pytest.fixture(scope="session")
+def _finished_flat(made_once):
+    from flat_example import write_flat
+
+    from tests.session_runs import call
+
+    def make(folder):
+        assert call("run", write_flat(folder / "s")).exit_code == 0
+    return made_once("flat", make) / "s"
+
+
+@pytest.fixture(scope="session")
+def _finished_painting(made_once):
+    from tests.session_runs import call
+
+    def make(folder):
+        folder.mkdir()
+        assert call("demo", folder / "painting", "--flat").exit_code == 0
+    return made_once("painting", make) / "painting"
 
 
 @pytest.fixture
@@ -128,14 +171,13 @@ def light_as_stated(monkeypatch):
 
 
 @pytest.fixture(scope="session")
-def _calibrated_flat(tmp_path_factory):
-    from flat_example import write_flat
-
-    from spectrabox.session.config.session_file import read_session
-    from spectrabox.session.pipeline import run_stages
-    folder = write_flat(tmp_path_factory.mktemp("calibrated") / "s")
-    run_stages(read_session(folder), device="cpu", only=None, force=False,
-               progress=lambda *_: None, before="signals")
+def _calibrated_flat(_finished_flat, tmp_path_factory):
+    """Where a run has got to when the camera is calibrated: its later results are taken away."""
+    folder = shutil.copytree(_finished_flat, tmp_path_factory.mktemp("calibrated") / "s")
+    for path in (*folder.iterdir(), *(folder / "results").iterdir()):
+        if path.name not in ("photos", "spectra", "session.toml", "results", "chart", "photo",
+                             "calibrate"):
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
     return folder
 
 
@@ -143,6 +185,18 @@ def _calibrated_flat(tmp_path_factory):
 def calibrated_flat(_calibrated_flat, tmp_path):
     """A session of flat samples whose chart has been found and camera calibrated."""
     return shutil.copytree(_calibrated_flat, tmp_path / "s")
+
+
+@pytest.fixture
+def finished_flat(_finished_flat, tmp_path):
+    """A session of flat samples with the results of every stage and its report."""
+    return shutil.copytree(_finished_flat, tmp_path / "flat" / "s")
+
+
+@pytest.fixture(scope="module")
+def finished_painting(_finished_painting, tmp_path_factory):
+    """The flat demo as its command leaves it, one copy for a file of tests."""
+    return shutil.copytree(_finished_painting, tmp_path_factory.mktemp("demo") / "painting")
 
 
 @pytest.fixture

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import ast
 import collections
-import contextlib
 import functools
 import importlib
 import inspect
@@ -178,25 +177,16 @@ def run_block(block, folder, names):
 
 
 @pytest.fixture(scope="module")
-def painting(tmp_path_factory):
-    """The folder that the command of the flat demo writes."""
-    folder = tmp_path_factory.mktemp("demo")
-    with contextlib.chdir(folder):
-        run_command(PAINTING, "")
-    return folder / "painting"
-
-
-@pytest.fixture(scope="module")
 def answers():
     """What was measured in the files of the demos, by function and arguments."""
     return {}
 
 
 @pytest.fixture
-def reader(finished_demo, painting, answers, tmp_path, monkeypatch):
+def reader(finished_demo, finished_painting, answers, tmp_path, monkeypatch):
     """A folder with the demo's session, and the repository's transcripts."""
     shutil.copytree(finished_demo, tmp_path / "mybox")
-    (tmp_path / MADE).symlink_to(painting)
+    (tmp_path / MADE).symlink_to(finished_painting)
     (tmp_path / "fixtures").symlink_to(ROOT / "fixtures")
     monkeypatch.chdir(tmp_path)
     for name in MEASURED_ONCE:
