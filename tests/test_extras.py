@@ -222,7 +222,7 @@ def test_errors_are_said_in_a_line(error, said):
     assert attempt("advice", lambda: 5, None) == (5, None)
 
 
-@pytest.mark.parametrize("seed", (7, 9, 12, 14))
+@pytest.mark.parametrize("seed", (7, 12))
 def test_every_extra_of_captures_that_nobody_planned_works(seed):
     """Two sets of regions on each of a few calibrations; more by benchmarks/bench_extras.py."""
     tally = Tally()
@@ -233,9 +233,9 @@ def test_every_extra_of_captures_that_nobody_planned_works(seed):
 
 def test_signals_that_nobody_planned_get_advice():
     tally = Tally()
-    for seed in range(30):
+    for seed in range(20):
         tally.signal(seed)
-    assert tally.answers > 15 and not tally.failed
+    assert tally.answers > 10 and not tally.failed
 
 
 def test_a_light_that_is_dark_at_some_wavelengths_gets_advice(measured, tmp_path):

@@ -68,8 +68,8 @@ def second_photo(folder, name, light):
 
 
 @pytest.fixture(scope="module")
-def one_photo(tmp_path_factory):
-    return run(write_flat(tmp_path_factory.mktemp("one") / "session"))
+def one_photo(_finished_flat):
+    return run(_finished_flat)
 
 
 def errors_and_cover(finished):

@@ -25,7 +25,7 @@ from spectrabox.session.terminal.progress_display import with_time_left
 
 from tests.session_runs import run
 
-LEFT, TOP, CELL, CELLS = 276, 30, 8, 14        # of a mosaic of surfaces, in pixels of the photo
+LEFT, TOP, CELL, CELLS = 276, 30, 12, 14        # of a mosaic of surfaces, in pixels of the photo
 CLIPPED = (3, 5)                                # row and column of the cell that is too bright
 END = CELL * CELLS
 GROUND = "[regions.ground]\nrect = [300, 250, 340, 290]\n"
