@@ -187,6 +187,16 @@ def light_as_stated(monkeypatch):
     monkeypatch.setattr(chart_calibration, "evidence_on_lights", lambda *_: ())
 
 
+@pytest.fixture
+def no_advice(monkeypatch):
+    """Results without advice on what to do next: a third of the time of a session with its report,
+    for tests of something else.
+    """
+    from spectrabox.measure.results import capture_result
+    monkeypatch.setattr(capture_result, "advice_on_capture",
+                        lambda *_: capture_result.Advised())
+
+
 @pytest.fixture(scope="session")
 def _calibrated_flat(_finished_flat, tmp_path_factory):
     """Where a run has got to when the camera is calibrated: its later results are taken away."""

@@ -39,7 +39,7 @@ from spectrabox.session.store.locks import only_writer
 
 from tests.session_runs import run
 
-pytestmark = pytest.mark.usefixtures("light_as_stated")
+pytestmark = pytest.mark.usefixtures("light_as_stated", "no_advice")
 
 C2_NM_K = 1.438777e7        # second radiation constant
 FILTER = 1 / (1 + np.exp((NM - 570) / 12))      # transmission of a glass that keeps red away

@@ -34,7 +34,7 @@ from spectrabox.session.config.session_file import read_session
 
 from tests.session_runs import call, run
 
-pytestmark = pytest.mark.usefixtures("light_as_stated")
+pytestmark = pytest.mark.usefixtures("light_as_stated", "no_advice")
 
 ROOT = Path(__file__).resolve().parent.parent
 

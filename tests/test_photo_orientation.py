@@ -72,6 +72,7 @@ def test_the_corners_of_a_chart_are_those_of_the_upright_picture(tmp_path):
     np.testing.assert_allclose(said["corners_px"], upright.corners, atol=1)
 
 
+@pytest.mark.usefixtures("no_advice")
 def test_page_regions_and_report_are_of_the_upright_picture(tmp_path):
     """Also of a further photo that states another orientation: a camera that looks down does."""
     photo, other = (photo_of(tmp_path / f"{name}.dng", 6) for name in ("a", "b"))

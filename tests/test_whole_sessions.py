@@ -63,6 +63,7 @@ def answer_of(*words):
     return json.loads(result.stdout)
 
 
+@pytest.mark.usefixtures("no_advice")
 @pytest.mark.parametrize("name", SESSIONS)
 def test_a_session(name, hold, tmp_path):
     folder = SESSIONS[name](tmp_path / "session")
