@@ -71,8 +71,8 @@ PATH = re.compile(r"`((?:radiometry|capture|calibrate|reconstruct|sampling|sessi
 PAINTING = ["spectrabox", "demo", "painting", "--flat"]
 MADE = "painting-as-made"       # what that has written, beside a reader's own files
 MEASURED_ONCE = ("fit_camera", "flat", "reconstruct_scene")
-# No number is taken from these renderings: half as wide takes a quarter of the time.
-NARROW = ("width=48", "width=24")
+# No number is taken from these renderings: narrower ones take half of the time.
+NARROW = ("width=48", "width=36")
 SMALL_CHART = "a patch has 56 pixels and 100 are needed"    # in the small photos of these tests
 
 

@@ -152,7 +152,7 @@ def test_without_any_scale_the_strength_of_the_light_is_estimated_with_its_error
     light, materials = spectra / "light.csv", list(sb.Session(finished))
     camera = sb.fit_camera(photos / "chart.dng", light=light)
     found = sb.reconstruct_scene(photos / "box.dng", scene=scenes / "box.xml", camera=camera,
-                                 light=light, materials=materials, width=24, draws=1000)
+                                 light=light, materials=materials, width=40, draws=1000)
     assert list(found) == materials and found.plot_agreement().images and found.outcome
     session = sb.Session(finished)
     scale = found.reconstruction.views[0].light_scale
