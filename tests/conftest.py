@@ -192,9 +192,8 @@ def no_advice(monkeypatch):
     """Results without advice on what to do next: a third of the time of a session with its report,
     for tests of something else.
     """
-    from spectrabox.measure.results import capture_result
-    monkeypatch.setattr(capture_result, "advice_on_capture",
-                        lambda *_: capture_result.Advised())
+    from spectrabox.measure.advice import advise
+    monkeypatch.setattr(advise, "advice_on_capture", lambda *_: advise.Advised())
 
 
 @pytest.fixture(scope="session")
