@@ -60,7 +60,7 @@ test: $(TESTS)
 	       apt="apt-get -qq -o Acquire::Retries=0 -o Acquire::http::Timeout=20 -o DPkg::Lock::Timeout=60"; \
 	       { $$apt update; DEBIAN_FRONTEND=noninteractive $$apt install -y --no-install-recommends chromium; } >/dev/null; \
 	     } || echo "chromium could not be installed, for the reasons above: the tests that need it will be skipped" >&2
-	@$(PY) -m pytest -q -n auto --dist loadfile
+	@$(PY) -m pytest -q -n auto --dist loadfile --no-loadscope-reorder
 
 lint: $(TESTS)
 	@$(PY) -m ruff check .

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import Annotated
 import numpy as np
 
 from spectrabox.radiometry import appearance, errors, shaped
+from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.published import published_tables
 from spectrabox.radiometry.records.spectra import WavelengthGrid
 from spectrabox.radiometry.spectra.spectrum_files import on_grid
@@ -196,15 +198,17 @@ def chart_reflectances(reference: str, grid: WavelengthGrid, chart: Chart = CLAS
                          f"{nearest_words(reference, chart.references)}; known are "
                          f"{', '.join(chart.references)}, or a CSV file with one column per patch")
     if reference in MEANS_OF_COPIES:
-        return _mean_of_copies(reference, grid)
+        return _mean_of_copies(reference, tuple(grid.nm)).copy()
     if reference in published_tables.published_names(published_tables.TRADE):
         return on_grid(*published_tables.published_curves(published_tables.TRADE, reference), grid,
                        reference)
     return table_of_classic(reference, grid)
 
 
-def _mean_of_copies(reference: str, grid: WavelengthGrid) -> np.ndarray:
-    """Reflectances (24, P) of the mean of copies, on a grid from 430 nm or less."""
+@functools.lru_cache(maxsize=16)
+def _mean_of_copies(reference: str, nm: tuple[float, ...]) -> np.ndarray:
+    """Reflectances (24, P) of the mean of copies, at wavelengths from 430 nm or less."""
+    grid = grid_from_nm(np.array(nm))
     names, weights = zip(*MEANS_OF_COPIES[reference].items(), strict=True)
     logs = np.log([table_of_classic(name, grid) for name in names])
     levels, greys = levels_of_classic(logs, grid)
@@ -244,10 +248,16 @@ def table_of_classic(name: str, grid: WavelengthGrid) -> np.ndarray:
         Working grid, of P wavelengths.
     """
     if name == AFTER_2014:
-        return later_generation(table_of_classic(REFERENCES[0], grid), grid)
+        return _after_2014(tuple(grid.nm)).copy()
     nm, patches = published_tables.published_curves(
         published_tables.CHARTS if name in REFERENCES else published_tables.COPIES, name)
     return on_grid(nm, patches, grid, name)
+
+
+@functools.lru_cache(maxsize=16)
+def _after_2014(nm: tuple[float, ...]) -> np.ndarray:
+    grid = grid_from_nm(np.array(nm))
+    return later_generation(table_of_classic(REFERENCES[0], grid), grid)
 
 
 def plane_centres(chart: Chart = CLASSIC) -> np.ndarray:

@@ -21,6 +21,23 @@ for ignored in (signal.SIGHUP, signal.SIGQUIT):
         signal.signal(ignored, signal.SIG_DFL)
 
 
+# Files that take longest, longest first: one that begins last runs on with nothing beside it.
+LONGEST = ("test_docs.py", "test_whole_sessions.py", "test_notebooks.py", "test_flat_photos.py",
+           "test_page_tasks.py", "test_batch.py", "test_page_browser.py", "test_scene_estimate.py",
+           "test_strangers_folder.py", "test_moved_lamp.py", "test_page_axe.py",
+           "test_public_names.py", "test_batch_cluster.py", "test_flat_picture.py",
+           "test_trade_charts.py", "test_sampling_prior.py", "test_extras.py",
+           "test_scene_picture.py", "test_rehearsal.py", "test_flat_session.py",
+           "test_chart_generation.py", "test_session_transport_sampling.py",
+           "test_doors_of_photos.py", "test_page_live.py", "test_start_up.py")
+
+
+def pytest_collection_modifyitems(items):
+    """The order in which workers take files, where they keep it (``--no-loadscope-reorder``)."""
+    rank = {name: place for place, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: rank.get(item.path.name, len(LONGEST)))
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers(config):
     """One more than there are cores: while a test waits for an instrument or a browser, another
@@ -101,21 +118,64 @@ def _run(folder):
 
 
 @pytest.fixture(scope="session")
-def _captured(tmp_path_factory):
-    return small_demo(tmp_path_factory.mktemp("capture") / "box", card=False)
+def made_once(tmp_path_factory):
+    """A function that gives this worker's copy of a session: the first worker that asks makes it,
+    ``make(folder)``, and the others wait for it.
+    """
+    from spectrabox.session.store.locks import held_lock
+    own = tmp_path_factory.getbasetemp()
+    every = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "made-once"
+
+    def copy_of(name, make):
+        folder, whole = every / name, every / f"{name}.whole"
+        with held_lock(every / f"{name}.lock"):
+            if not whole.exists():
+                shutil.rmtree(folder, ignore_errors=True)
+                make(folder)
+                whole.touch()
+        return shutil.copytree(folder, tmp_path_factory.mktemp("copy") / name)
+    every.mkdir(exist_ok=True)
+    return copy_of
 
 
 @pytest.fixture(scope="session")
-def finished_demo(tmp_path_factory):
+def _captured(made_once):
+    return made_once("captured", lambda folder: small_demo(folder / "box", card=False)) / "box"
+
+
+@pytest.fixture(scope="session")
+def finished_demo(made_once):
     """The demo's session as its command writes it, with the results of every stage; not to be
     changed.
     """
-    return _run(small_demo(tmp_path_factory.mktemp("demo") / "box", card=True))
+    return made_once("demo", lambda folder: _run(small_demo(folder / "box", card=True))) / "box"
 
 
 @pytest.fixture(scope="session")
-def _finished(_captured, tmp_path_factory):
-    return _run(shutil.copytree(_captured, tmp_path_factory.mktemp("finished") / "box"))
+def _finished(_captured, made_once):
+    return made_once("finished", lambda folder: _run(
+        shutil.copytree(_captured, folder / "box"))) / "box"
+
+
+@pytest.fixture(scope="session")
+def _finished_flat(made_once):
+    from flat_example import write_flat
+
+    from tests.session_runs import call
+
+    def make(folder):
+        assert call("run", write_flat(folder / "s")).exit_code == 0
+    return made_once("flat", make) / "s"
+
+
+@pytest.fixture(scope="session")
+def _finished_painting(made_once):
+    from tests.session_runs import call
+
+    def make(folder):
+        folder.mkdir()
+        assert call("demo", folder / "painting", "--flat").exit_code == 0
+    return made_once("painting", make) / "painting"
 
 
 @pytest.fixture
@@ -127,15 +187,23 @@ def light_as_stated(monkeypatch):
     monkeypatch.setattr(chart_calibration, "evidence_on_lights", lambda *_: ())
 
 
-@pytest.fixture(scope="session")
-def _calibrated_flat(tmp_path_factory):
-    from flat_example import write_flat
+@pytest.fixture
+def no_advice(monkeypatch):
+    """Results without advice on what to do next: a third of the time of a session with its report,
+    for tests of something else.
+    """
+    from spectrabox.measure.advice import advise
+    monkeypatch.setattr(advise, "advice_on_capture", lambda *_: advise.Advised())
 
-    from spectrabox.session.config.session_file import read_session
-    from spectrabox.session.pipeline import run_stages
-    folder = write_flat(tmp_path_factory.mktemp("calibrated") / "s")
-    run_stages(read_session(folder), device="cpu", only=None, force=False,
-               progress=lambda *_: None, before="signals")
+
+@pytest.fixture(scope="session")
+def _calibrated_flat(_finished_flat, tmp_path_factory):
+    """Where a run has got to when the camera is calibrated: its later results are taken away."""
+    folder = shutil.copytree(_finished_flat, tmp_path_factory.mktemp("calibrated") / "s")
+    for path in (*folder.iterdir(), *(folder / "results").iterdir()):
+        if path.name not in ("photos", "spectra", "session.toml", "results", "chart", "photo",
+                             "calibrate"):
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
     return folder
 
 
@@ -143,6 +211,18 @@ def _calibrated_flat(tmp_path_factory):
 def calibrated_flat(_calibrated_flat, tmp_path):
     """A session of flat samples whose chart has been found and camera calibrated."""
     return shutil.copytree(_calibrated_flat, tmp_path / "s")
+
+
+@pytest.fixture
+def finished_flat(_finished_flat, tmp_path):
+    """A session of flat samples with the results of every stage and its report."""
+    return shutil.copytree(_finished_flat, tmp_path / "flat" / "s")
+
+
+@pytest.fixture(scope="module")
+def finished_painting(_finished_painting, tmp_path_factory):
+    """The flat demo as its command leaves it, one copy for a file of tests."""
+    return shutil.copytree(_finished_painting, tmp_path_factory.mktemp("demo") / "painting")
 
 
 @pytest.fixture

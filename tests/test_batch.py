@@ -170,7 +170,7 @@ def test_a_session_that_differs_shares_nothing_with_it(session, tmp_path):
 # ---- workers that die, and Ctrl-C
 
 def test_a_worker_killed_costs_nothing_but_time(session, tmp_path):
-    folders = copies(session, tmp_path, ["a", "b"])
+    folders = begun(session, tmp_path, ["a", "b"], until="signals")
     order = order_of(folders, tmp_path / "out")
     with open_processes(2) as workers, kill_worker_at(folders[0]):
         outcomes = list(run_batch(order, folders, workers))

@@ -10,7 +10,7 @@ import urllib.parse
 from pathlib import Path
 
 import pytest
-from batch_sessions import begun, copies, kill_worker_at, order_of, results_of, write_session
+from batch_sessions import begun, kill_worker_at, order_of, results_of, write_session
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.session.batch.batch import kept_outcomes, run_batch
@@ -40,7 +40,7 @@ def session(tmp_path_factory):
 
 
 def test_a_cluster_makes_the_bits_of_processes_though_a_worker_is_killed(session, tmp_path):
-    folders = copies(session, tmp_path, ["a", "b"])
+    folders = begun(session, tmp_path, ["a", "b"], until="signals")
     order = order_of(folders, tmp_path / "out")
     with open_workers("local", 1, len(folders)) as workers, kill_worker_at(folders[0]):
         assert workers.capacity().workers == 1 and workers.about == ""

@@ -3,7 +3,6 @@ import json
 
 import numpy as np
 import pytest
-from flat_example import write_flat
 from typer.testing import CliRunner
 
 import spectrabox as sb
@@ -48,13 +47,8 @@ def test_many_signals(tmp_path):
         same_spectrum(estimates[one["name"]], estimates[one["name"]].facts(), one)
 
 
-@pytest.fixture(scope="module")
-def session(tmp_path_factory):
-    return write_flat(tmp_path_factory.mktemp("doors") / "session")
-
-
-def test_a_camera_fitted(session):
-    photo, light = session / "photos" / "sample.dng", "LED-B3"
+def test_a_camera_fitted(finished_flat):
+    photo, light = finished_flat / "photos" / "sample.dng", "LED-B3"
     camera = sb.fit_camera(photo, light=light)
     said = command("camera", "fit", photo, "--light", light)
     assert camera.verdict == "pass"
@@ -64,11 +58,10 @@ def test_a_camera_fitted(session):
     assert set(camera.checks) <= set(said["checks"])
 
 
-def test_a_surface_matched(session):
-    command("run", session)
-    red_wall = sb.Session(session)["red_wall"]
+def test_a_surface_matched(finished_flat):
+    red_wall = sb.Session(finished_flat)["red_wall"]
     match = sb.match(red_wall, "CES99")
-    said = command("match", session, "CES99", "--only", "red_wall")
+    said = command("match", finished_flat, "CES99", "--only", "red_wall")
     assert said["surfaces"][0]["says"] == match.says
     assert [one["log_evidence"] for one in said["matches"]] == [one.log_evidence
                                                                 for one in match.matches]

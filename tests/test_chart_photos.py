@@ -197,6 +197,7 @@ def test_a_chart_that_needs_a_reference_asks_for_it(written):
     assert ran.exit_code == 3 and "measure its 24 patches" in json.loads(ran.stdout)["error"]
 
 
+@pytest.mark.usefixtures("no_advice")
 def test_flat_takes_a_layout_of_ones_own(written):
     folder, _, truth = written
     printed = PRINTED["three rows of five"]

@@ -23,7 +23,6 @@ from spectrabox.calibrate.colour_profile import (
     stated_transform,
 )
 from spectrabox.capture.photo.image_writers import write_tiff16
-from spectrabox.fixtures.demos.flat_demo import write_flat_demo
 from spectrabox.measure.profiles.archive_quantities import (
     ChartColours,
     archive_quantities,
@@ -246,14 +245,11 @@ def test_libtiff_and_exiftool_take_it_for_lab(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def painting(tmp_path_factory):
+def painting(finished_painting):
     """A finished session of the flat demo, with what ``spectrabox colour`` wrote and answered."""
-    folder = tmp_path_factory.mktemp("colour") / "painting"
-    write_flat_demo(folder)
-    assert CliRunner().invoke(app, ["run", str(folder)]).exit_code == 0
-    result = CliRunner().invoke(app, ["colour", str(folder), "--json"])
+    result = CliRunner().invoke(app, ["colour", str(finished_painting), "--json"])
     assert result.exit_code == 0, result.output
-    return folder, json.loads(result.stdout)
+    return finished_painting, json.loads(result.stdout)
 
 
 def test_the_photo_shows_the_colours_that_its_surfaces_have(painting):

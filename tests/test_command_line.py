@@ -110,16 +110,17 @@ BAD_INPUT = [
 
 @pytest.mark.parametrize("spoil, code, sentence", BAD_INPUT,
                          ids=lambda value: getattr(value, "__name__", ""))
-def test_bad_input_gets_one_sentence_and_its_exit_code(captured, spoil, code, sentence):
-    spoil(captured)
-    checked = call("check", captured)
+def test_bad_input_gets_one_sentence_and_its_exit_code(finished, spoil, code, sentence):
+    """What does not hang on the fault is kept, of a session that was run before it."""
+    spoil(finished)
+    checked = call("check", finished)
     assert checked.exit_code == code, checked.output
     assert re.search(sentence, checked.output), checked.output
-    ran = call("run", captured, "--device", "cpu")
+    ran = call("run", finished, "--device", "cpu")
     assert ran.exit_code == code, ran.output
     assert re.search(sentence, ran.output), ran.output
     assert "Traceback" not in ran.output
-    assert not (captured / "report.html").exists()
+    assert not (finished / "report.html").exists()
 
 
 def test_check_lists_everything_at_once(captured):

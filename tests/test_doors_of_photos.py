@@ -29,37 +29,29 @@ def take(folder, name, power):
     return folder / "photos" / f"{name}.dng"
 
 
-def of_gel(folder):
-    photo, file = take(folder, "gel", lamp.radiance(NM) * GEL), folder / "spectra" / "gel.csv"
-    file.write_text(table_text(NM, {"value": GEL}, quantity=Quantity.RELATIVE, source="gel"))
-    return ('[views.gel]\nphoto = "photos/gel.dng"\nfilter = "spectra/gel.csv"\n',
-            {"filtered": {photo: file}})
-
-
-def of_second_lamp(folder):
-    photo = take(folder, "warm", WARM)
-    return '[views.warm]\nphoto = "photos/warm.dng"\nlight = "unknown"\n', {
-        "also": {photo: "unknown"}}
-
-
-def of_known_card(folder):
-    file = folder / "spectra" / "white_wall.csv"
-    return '', {"known": {"white_wall": file}}
-
-
-@pytest.mark.parametrize("more", [lambda folder: ("", {}), of_gel, of_second_lamp, of_known_card],
-                         ids=["plain", "gel", "second lamp", "known card"])
-def test_a_flat_sample(tmp_path, more):
+def test_a_flat_sample(tmp_path):
+    """With all that can be stated: a photo through a filter, one under another lamp, a white card,
+    a family; a lamp that nobody measured and a chart of which nobody has said anything.
+    """
     folder = write_flat(tmp_path / "session")
-    views, given = more(folder)
+    gel, warm = take(folder, "gel", lamp.radiance(NM) * GEL), take(folder, "warm", WARM)
+    card, file = folder / "spectra" / "white_wall.csv", folder / "spectra" / "gel.csv"
+    file.write_text(table_text(NM, {"value": GEL}, quantity=Quantity.RELATIVE, source="gel"))
     parts = {name: rect_of(name) for name in PAINTS}
+    stated = {"white_wall": 'known = "spectra/white_wall.csv"\n', "cube": 'family = "paint"\n'}
     (folder / "session.toml").write_text(
-        UNSTATED.replace("spectra/light.csv", "unknown") + views
-        + "".join(f"[regions.{name}]\nrect = {list(parts[name])}\n"
-                  + (f'known = "spectra/{name}.csv"\n' if name in given.get("known", {}) else "")
+        UNSTATED.replace("spectra/light.csv", "unknown")
+        + '[views.gel]\nphoto = "photos/gel.dng"\nfilter = "spectra/gel.csv"\n'
+        + '[views.warm]\nphoto = "photos/warm.dng"\nlight = "unknown"\n'
+        + "".join(f"[regions.{name}]\nrect = {list(parts[name])}\n{stated.get(name, '')}"
                   for name in parts), encoding="utf-8")
     said = command("run", folder)
-    result = sb.flat(folder / "photos" / "sample.dng", parts, draws=1000, **given)
+    photo = sb.open_photo(folder / "photos" / "sample.dng")
+    with pytest.raises(sb.InputError, match="there is no region 'moon'"):
+        sb.flat(photo, parts, families={"moon": "paint"})
+    result = sb.flat(photo, parts, draws=1000, filtered={gel: file}, also={warm: "unknown"},
+                     known={"white_wall": card}, families={"cube": "paint"})
+    assert result["white_wall"].outcome == "The spectrum was given."
     facts = with_words(result)
     assert {key: value for key, value in facts.items() if key not in ("regions", "photos")} \
         == {key: said[key] for key in facts if key not in ("regions", "photos")}
@@ -72,6 +64,7 @@ def test_a_flat_sample(tmp_path, more):
     again = sb.Session(folder)
     assert again.verdict == result.verdict
     np.testing.assert_array_equal(again["cube"].mean, result["cube"].mean)
+    np.testing.assert_array_equal(again["cube"].draws(4000, 1), result["cube"].draws(4000, 1))
 
 
 def with_words(result):
@@ -107,19 +100,22 @@ def test_a_photo_taken_again_and_a_picture_of_every_pixel(tmp_path):
 
 
 @pytest.mark.usefixtures("mitsuba")
-def test_a_scene(captured):
+def test_a_scene(finished):
+    shares = []
     result = sb.reconstruct_scene(
-        captured / "photos" / "box.dng", scene=captured / "scene" / "box.xml",
-        light=captured / "spectra" / "light.csv", chart_photo=captured / "photos" / "chart.dng",
-        chart_scene=captured / "scene" / "chart.xml",
-        flat_field=captured / "photos" / "flat.dng",
-        materials=["white", "green", "red", "cube"], width=40, draws=1000)
-    facts, said = with_words(result), command("run", captured)
+        finished / "photos" / "box.dng", scene=finished / "scene" / "box.xml",
+        light=finished / "spectra" / "light.csv", chart_photo=finished / "photos" / "chart.dng",
+        chart_scene=finished / "scene" / "chart.xml",
+        flat_field=finished / "photos" / "flat.dng",
+        materials=["white", "green", "red", "cube"], width=40, draws=1000,
+        progress=lambda share, message: shares.append(share))
+    assert shares and result.calibration.light_scale is not None
+    facts, said = with_words(result), command("run", finished)
     of_library, of_session = (      # which states truths
         [one for one in each["findings"] if not one["code"].startswith("truth.")]
         for each in (facts, said))
     assert of_library == of_session
     assert facts["surfaces"] == said["surfaces"]
-    spectra = sb.Session(captured)
+    spectra = sb.Session(finished)
     for name in result:
         np.testing.assert_array_equal(spectra[name].mean, result[name].mean)

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flat_example import rect_of, write_flat
+from flat_example import rect_of
 from inline_workers import inline_workers
 from session_runs import call
 
@@ -29,20 +29,22 @@ from spectrabox.session.batch.tasks import Order
 from benchmarks.bench_extras import Tally, answers_of, drawn_case
 
 WHY = "planted: zero-size array"
-# functions without which an extra cannot be made, and what the extra is called
-OF_A_REPORT = {
-    "spectrabox.measure.advice.advise.advice_on_capture": "advice",
-    "spectrabox.measure.results.surface_result.metamer_pair":
-        "comparison of spectra that look alike",
+# functions without which an extra cannot be made, and what the extra is called; all of a group fail
+# at once, so that an extra of which another is a part is in another group
+OF_A_REPORT = {"pictures": {
     "spectrabox.session.report.cards.Markup": "picture of spectra that look alike",
     "spectrabox.session.report.page.field_whiskers": "picture of the light on regions",
     "spectrabox.session.report.figures._corners": "picture of the photo",
     "spectrabox.session.report.figures._colour_bar": "picture of the light over the photo",
     "spectrabox.session.report.spectra._over_wavelengths": "picture of the spectrum",
     "spectrabox.session.report.figures.fixed": "picture of the error budget",
-    "spectrabox.session.report.figures.css_colour": "picture of the irradiance over the chart",
-    "spectrabox.session.report.sections.swatch_pairs": "section on the chart",
-    "spectrabox.session.report.page.render_report": "full report"}
+    "spectrabox.session.report.figures.css_colour": "picture of the irradiance over the chart"},
+    "advice and a section": {
+        "spectrabox.measure.advice.advise.advice_on_capture": "advice",
+        "spectrabox.measure.results.surface_result.metamer_pair":
+            "comparison of spectra that look alike",
+        "spectrabox.session.report.sections.swatch_pairs": "section on the chart"},
+    "report": {"spectrabox.session.report.page.render_report": "full report"}}
 
 
 def fails(*_, **__):
@@ -50,9 +52,9 @@ def fails(*_, **__):
 
 
 @pytest.fixture(scope="module")
-def measured(tmp_path_factory):
+def measured(_finished_flat, tmp_path_factory):
     """A session of flat samples that was run, and its answer."""
-    folder = write_flat(tmp_path_factory.mktemp("extras") / "flat")
+    folder = shutil.copytree(_finished_flat, tmp_path_factory.mktemp("extras") / "flat")
     outcome = call("run", folder, "--json", "--quiet")
     facts = json.loads(outcome.stdout)
     assert facts["failed_extras"] == [] and facts["advice"]["overall"]
@@ -78,25 +80,29 @@ def same_answer(facts, expected):
     assert facts == expected
 
 
-@pytest.mark.parametrize("needed, extra", OF_A_REPORT.items())
-def test_an_extra_that_fails_is_named_and_the_answer_stands(session, monkeypatch, needed, extra):
+@pytest.mark.parametrize("group", OF_A_REPORT)
+def test_extras_that_fail_are_named_and_the_answer_stands(session, monkeypatch, group):
     folder, expected = session
     with monkeypatch.context() as planted:
-        planted.setattr(needed, fails)
+        for needed in OF_A_REPORT[group]:
+            planted.setattr(needed, fails)
         outcome = call("run", folder, "--json", "--quiet")
         again = call("run", folder)
         debugged = call("report", folder, "--debug", "--json")
     facts = json.loads(outcome.stdout)
     assert outcome.exit_code == again.exit_code == debugged.exit_code == 0
     same_answer(facts, expected)
-    named = {"extra": extra, "error": f"ValueError: {WHY}"}
-    assert named in facts["failed_extras"] and named in json.loads(debugged.stdout)["failed_extras"]
-    note = f"note: No {extra}: ValueError: {WHY}."
-    assert note in outcome.stderr and note in again.stdout and note not in again.stderr
+    reported = json.loads((folder / "report.json").read_text("utf-8"))["failed_extras"]
+    for extra in OF_A_REPORT[group].values():
+        named = {"extra": extra, "error": f"ValueError: {WHY}"}
+        for listed in (facts["failed_extras"], json.loads(debugged.stdout)["failed_extras"],
+                       reported):
+            assert named in listed, (extra, listed)
+        note = f"note: No {extra}: ValueError: {WHY}."
+        assert note in outcome.stderr and note in again.stdout and note not in again.stderr
     assert "--debug" in again.stdout and "Traceback" not in again.stderr
     assert "in fails" in debugged.stderr and "Traceback" in debugged.stderr
     assert WHY in (folder / "report.html").read_text(encoding="utf-8")
-    assert named in json.loads((folder / "report.json").read_text("utf-8"))["failed_extras"]
     assert (folder / "spectra.csv").is_file()
     # once it works it is there again, without a stage that is run
     mended = json.loads(call("run", folder, "--json", "--quiet").stdout)
@@ -216,7 +222,7 @@ def test_errors_are_said_in_a_line(error, said):
     assert attempt("advice", lambda: 5, None) == (5, None)
 
 
-@pytest.mark.parametrize("seed", (7, 9, 12, 14))
+@pytest.mark.parametrize("seed", (7, 12))
 def test_every_extra_of_captures_that_nobody_planned_works(seed):
     """Two sets of regions on each of a few calibrations; more by benchmarks/bench_extras.py."""
     tally = Tally()
@@ -227,9 +233,9 @@ def test_every_extra_of_captures_that_nobody_planned_works(seed):
 
 def test_signals_that_nobody_planned_get_advice():
     tally = Tally()
-    for seed in range(30):
+    for seed in range(20):
         tally.signal(seed)
-    assert tally.answers > 15 and not tally.failed
+    assert tally.answers > 10 and not tally.failed
 
 
 def test_a_light_that_is_dark_at_some_wavelengths_gets_advice(measured, tmp_path):
@@ -243,11 +249,17 @@ def test_a_light_that_is_dark_at_some_wavelengths_gets_advice(measured, tmp_path
     assert not result.failed_extras
 
 
-def test_a_black_surface_gets_advice(measured):
+@pytest.fixture(scope="module")
+def cube(measured):
+    """What a result asks for advice with."""
+    result = sb.flat(measured[0] / "photos" / "sample.dng", {"cube": rect_of("cube")},
+                     progress=False)
+    return result.found.advise.args
+
+
+def test_a_black_surface_gets_advice(cube):
     """The level of the light changes nothing of it."""
-    folder, _ = measured
-    result = sb.flat(folder / "photos" / "sample.dng", {"cube": rect_of("cube")}, progress=False)
-    capture, records = result.found.advise.args
+    capture, records = cube
     signals = records.signals
     black = replace(signals, signal=-1e-4 * np.ones_like(signals.signal))
     states = records.sample.spectra["cube"].states
@@ -257,10 +269,8 @@ def test_a_black_surface_gets_advice(measured):
     assert np.isfinite(outlook_after(with_level(unknown), after).width)
 
 
-def test_a_region_that_no_photo_shows_in_any_band_is_refused_by_name(measured):
-    folder, _ = measured
-    result = sb.flat(folder / "photos" / "sample.dng", {"cube": rect_of("cube")}, progress=False)
-    sample = flat_photos_of(*result.found.advise.args)
+def test_a_region_that_no_photo_shows_in_any_band_is_refused_by_name(cube):
+    sample = flat_photos_of(*cube)
     (photo,) = sample.photos
     white = white_at_regions(photo, {}, sample.errors)
     clipped = replace(white, samples=replace(white.samples, clipped=np.ones((1, 3), bool)))

@@ -39,7 +39,7 @@ from spectrabox.session.store.locks import only_writer
 
 from tests.session_runs import run
 
-pytestmark = pytest.mark.usefixtures("light_as_stated")
+pytestmark = pytest.mark.usefixtures("light_as_stated", "no_advice")
 
 C2_NM_K = 1.438777e7        # second radiation constant
 FILTER = 1 / (1 + np.exp((NM - 570) / 12))      # transmission of a glass that keeps red away
@@ -68,8 +68,8 @@ def second_photo(folder, name, light):
 
 
 @pytest.fixture(scope="module")
-def one_photo(tmp_path_factory):
-    return run(write_flat(tmp_path_factory.mktemp("one") / "session"))
+def one_photo(_finished_flat):
+    return run(_finished_flat)
 
 
 def errors_and_cover(finished):
@@ -84,7 +84,7 @@ def errors_and_cover(finished):
     return np.array(found)
 
 
-@pytest.mark.parametrize("name, light", [("warm", "spectra/warm.csv"), ("warm", "unknown"),
+@pytest.mark.parametrize("name, light", [("warm", "spectra/warm.csv"),
                                          ("glass", "spectra/glass.csv")])
 def test_a_second_light_or_filter_adds_bands_and_narrows_the_spectra(tmp_path, one_photo, name,
                                                                      light):
@@ -207,7 +207,6 @@ def write_raw(**changed):
 @pytest.mark.parametrize("name, write, sentence", [
     ("a.jpg", write_jpeg, "a.jpg is a JPEG"),
     ("a.dng", write_raw(chart=None), "no ColorChecker was found in photo a.dng"),
-    ("a.dng", write_raw(chart=(-0.1, *CHART[1:])), "no ColorChecker was found in photo a.dng"),
     ("a.dng", lambda path: path.write_bytes(b"II*\0 cut short"), "a.dng")])
 def test_a_photo_that_will_not_do_is_one_sentence_and_leaves_nothing(tmp_path, name, write,
                                                                      sentence):
@@ -257,7 +256,7 @@ def test_photos_of_a_day_have_their_regions_in_a_file_and_a_session_each(tmp_pat
         (("cube", 'family = "paint"\nsurface = "matt"\n'), ("white_wall", "known = 0.9\n"))),
         encoding="utf-8")
     words = ["flat", *(str(tmp_path / f"{name}.dng") for name in ("a", "none", "b")), "--regions",
-             str(tmp_path / "regions.toml"), "--each", "--json", "--quiet"]
+             str(tmp_path / "regions.toml"), "--each", "--light", "LED-B3", "--json", "--quiet"]
     outcome = CliRunner().invoke(app, words)
     facts = json.loads(outcome.stdout)["photos"]
     assert outcome.exit_code == 4 and "no ColorChecker" in facts[1]["error"]

@@ -34,21 +34,22 @@ from spectrabox.session.config.session_file import read_session
 
 from tests.session_runs import call, run
 
-pytestmark = pytest.mark.usefixtures("light_as_stated")
+pytestmark = pytest.mark.usefixtures("light_as_stated", "no_advice")
 
 ROOT = Path(__file__).resolve().parent.parent
 
 
 @pytest.fixture(scope="module")
-def _finished_flat(tmp_path_factory):
-    folder = write_flat(tmp_path_factory.mktemp("flat") / "session")
+def flat_and_records(_finished_flat, tmp_path_factory):
+    """A finished session of this file's tests, and what a run of it keeps."""
+    folder = shutil.copytree(_finished_flat, tmp_path_factory.mktemp("flat") / "session")
     return folder, run(folder)
 
 
 @pytest.fixture
-def flat_session(_finished_flat, tmp_path):
+def flat_session(flat_and_records, tmp_path):
     """A finished session of its own."""
-    return shutil.copytree(_finished_flat[0], tmp_path / "session")
+    return shutil.copytree(flat_and_records[0], tmp_path / "session")
 
 
 def true_signals(signals):
@@ -61,8 +62,8 @@ def errors_of(signals):
                            for error in signals.errors], axis=0))
 
 
-def test_signals_are_those_of_the_paints_wherever_the_light_falls_off(_finished_flat):
-    signals = _finished_flat[1].records.signals
+def test_signals_are_those_of_the_paints_wherever_the_light_falls_off(flat_and_records):
+    signals = flat_and_records[1].records.signals
     off = (signals.signal - true_signals(signals)) / errors_of(signals)
     # 12 signals, those of one region nearly one: 4 sigma would be a chance of 1 in 1000
     assert np.abs(off).max() < 4
@@ -78,18 +79,18 @@ def light_errors(finished):
     return dict(zip(PAINTS, finished.records.flat_signals.light[""].error, strict=True))
 
 
-def test_the_light_is_known_worse_away_from_the_chart(_finished_flat):
-    error = light_errors(_finished_flat[1])
+def test_the_light_is_known_worse_away_from_the_chart(flat_and_records):
+    error = light_errors(flat_and_records[1])
     assert error["white_wall"] < error["green_wall"]
     assert error["red_wall"] < error["cube"]
 
 
-def test_a_known_region_narrows_the_light_on_its_neighbours(flat_session):
+def test_a_known_region_narrows_the_light_on_its_neighbours(flat_session, flat_and_records):
     (flat_session / "session.toml").write_text(
         HEAD + regions_toml(known=("green_wall",)), encoding="utf-8")
     finished = run(flat_session)
     assert finished.states["calibrate"] == "kept" and finished.states["signals"] == "run"
-    before = light_errors(run(write_flat(flat_session.parent / "again")))
+    before = light_errors(flat_and_records[1])
     assert light_errors(finished)["cube"] < 0.8 * before["cube"]
     signals = finished.records.signals
     off = (signals.signal - true_signals(signals)) / errors_of(signals)
@@ -105,8 +106,8 @@ def test_running_again_keeps_everything_and_a_new_region_keeps_the_calibration(f
                       "sample": "run"}
 
 
-def test_errors_of_a_signal_add_up_and_are_covariances(_finished_flat):
-    signals = _finished_flat[1].records.signals
+def test_errors_of_a_signal_add_up_and_are_covariances(flat_and_records):
+    signals = flat_and_records[1].records.signals
     assert {error.cause for error in signals.errors} <= CAUSES.keys()
     for error in signals.errors:
         for covariance in error.covariance:

@@ -1,10 +1,10 @@
 """Measured spectra that could give a signal: how often the true one is among them, and none."""
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from flat_example import write_flat
 from typer.testing import CliRunner
 
 from spectrabox.radiometry.grid import visible_grid
@@ -123,10 +123,8 @@ def call(*words):
 
 
 @pytest.fixture(scope="module")
-def session(tmp_path_factory):
-    folder = write_flat(tmp_path_factory.mktemp("match") / "session")
-    assert CliRunner().invoke(app, ["run", str(folder)]).exit_code == 0
-    return folder
+def session(_finished_flat, tmp_path_factory):
+    return shutil.copytree(_finished_flat, tmp_path_factory.mktemp("match") / "session")
 
 
 def test_regions_of_a_flat_session_are_told_from_the_other_paints(session):

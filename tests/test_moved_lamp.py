@@ -127,6 +127,7 @@ def test_lobes_mirror_what_lies_in_their_way(shoot):
     assert by_instrument("matt") > 0.01 > by_instrument("satin")
 
 
+@pytest.mark.usefixtures("no_advice")
 def test_the_command_takes_a_photo_with_the_lamp_moved(shoot, tmp_path):
     rng, power = np.random.default_rng(4), lamp.radiance(NM)
     for name, place in (("a", FIRST), ("b", ELSEWHERE)):

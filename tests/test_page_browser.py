@@ -87,8 +87,8 @@ def test_from_a_photo_to_four_spectra_in_a_report(tmp_path, opened):
     assert reported["status"].upper() in ("PASS", "WARN") and len(reported["says"]) > 20
 
 
-def test_regions_are_drawn_moved_sized_renamed_and_removed(tmp_path, opened):
-    session = write_flat(tmp_path / "s")
+def test_regions_are_drawn_moved_sized_renamed_and_removed(calibrated_flat, opened):
+    session = calibrated_flat
     before = (session / "session.toml").read_text(encoding="utf-8")
     with served(session) as (address, _):
         page = opened(address)
@@ -224,9 +224,9 @@ def test_pointing_shows_a_spectrum_and_a_run_can_be_stopped(tmp_path, opened):
         page.wait_for_selector("#comparison:has-text('green_wall | cube')")
 
 
-def test_all_that_flat_knows_is_stated_on_the_page(tmp_path, opened):
+def test_all_that_flat_knows_is_stated_on_the_page(tmp_path, calibrated_flat, opened):
     """Name, light, picture, a further photo through a filter, a truth; Undo takes each back."""
-    session = write_flat(tmp_path / "s")
+    session = calibrated_flat
     path = session / "session.toml"
     before = path.read_text(encoding="utf-8")
     write_photo(tmp_path / "filtered.dng", 0.5 * picture(), Fraction(1, 30),

@@ -9,7 +9,7 @@ from served_page import TOKEN, served
 
 from spectrabox.session.config.session_file import try_read_session
 
-CASES = 300
+CASES = 200
 VALUES = [None, True, 0, -1, 1.5, 1e6 + 1, 1e300, 10**30, float("nan"), float("inf"), "", "a",
           "object", "\x00", "\ud800", "x" * 5000, "../..", "a\nb", "[x]", "a.b", [], {}, [[1, 2]],
           {"a": [[]]}, "__proto__"]

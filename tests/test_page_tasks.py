@@ -140,8 +140,8 @@ def test_where_no_chart_is_found_four_corners_are_there_to_be_dragged(tmp_path, 
         assert "chart" not in session_of(tmp_path / "grey-flat")
 
 
-def test_corners_of_the_chart_are_dragged_onto_it(tmp_path, opened):
-    session = write_flat(tmp_path / "s")
+def test_corners_of_the_chart_are_dragged_onto_it(calibrated_flat, opened):
+    session = calibrated_flat
     wanted = chart_corners(*CHART) * SIZE[1]
     with served(session) as (address, _):
         page = opened(address)

@@ -11,7 +11,6 @@ from typer.testing import CliRunner
 
 import spectrabox as sb
 from spectrabox.api.arguments import relative_response
-from spectrabox.fixtures.demos.flat_demo import write_flat_demo
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.fixtures.paints import NM, PIGMENTS
 from spectrabox.radiometry.grid import FINE_GRID
@@ -148,51 +147,6 @@ def test_a_signal_matches_its_own_mean():
     assert found.matches[0].name == "itself" and found.indistinguishable == 1
 
 
-@pytest.fixture(scope="module")
-def painting(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("painting") / "painting"
-    write_flat_demo(folder, size=(416, 624))
-    return folder
-
-
-def test_flat_samples_are_those_of_the_session_bit_for_bit(painting):
-    session = sb.Session(painting)
-    regions = {name: section.rect for name, section in session.config.regions.items()}
-    families = {name: section.families for name, section in session.config.regions.items()}
-    card, = (name for name, section in session.config.regions.items() if section.known)
-    photo = sb.open_photo(next(painting.glob("photos/*.dng")))
-    result = sb.flat(photo, regions, families=families, seed=session.config.session.seed,
-                     known={card: painting / session.config.regions[card].known.file})
-    session.run()
-    assert result.verdict == session.verdict
-    for name in set(regions) - {card}:
-        np.testing.assert_array_equal(result[name].mean, session[name].mean)
-        np.testing.assert_array_equal(result[name].draws(4000, 1), session[name].draws(4000, 1))
-    assert result[card].outcome == "The spectrum was given."
-    with pytest.raises(sb.InputError, match="there is no region 'moon'"):
-        sb.flat(photo, regions, families={"moon": "paint"})
-
-
-def test_a_scene_is_that_of_the_session(finished):
-    photos, spectra, scenes = (finished / name for name in ("photos", "spectra", "scene"))
-    flat, light = photos / "flat.dng", spectra / "light.csv"
-    camera = sb.fit_camera(sb.open_photo(photos / "chart.dng", flat=flat), light=light,
-                           chart_scene=scenes / "chart.xml")
-    session, told = sb.Session(finished), []
-    found = sb.reconstruct_scene(
-        sb.open_photo(photos / "box.dng", flat=flat), scene=scenes / "box.xml", camera=camera,
-        light=light, materials=list(session), width=session.config.reconstruct.width,
-        draws=session.config.sampling.draws, progress=lambda share, message: told.append(share))
-    assert told and found.calibration.light_scale is not None
-    for name in session:
-        # the fits agree to round-off, which may let single draws of a seed differ: a tenth of the
-        # deviation is three standard errors of a mean of 1000 draws
-        limit = 0.1 * session[name].standard_deviation.max()
-        assert np.abs(found[name].mean - session[name].mean).max() < limit
-        np.testing.assert_allclose(found[name].inverse_rendering, session[name].inverse_rendering,
-                                   atol=1e-6)
-
-
 def test_without_any_scale_the_strength_of_the_light_is_estimated_with_its_error(finished):
     photos, spectra, scenes = (finished / name for name in ("photos", "spectra", "scene"))
     light, materials = spectra / "light.csv", list(sb.Session(finished))
@@ -210,11 +164,9 @@ def test_without_any_scale_the_strength_of_the_light_is_estimated_with_its_error
 
 
 @pytest.fixture(scope="module")
-def demos(tmp_path_factory):
+def demos(finished_painting):
     """A folder with ``painting``, as the demo command writes it."""
-    folder = tmp_path_factory.mktemp("demos")
-    write_flat_demo(folder / "painting")
-    return folder
+    return finished_painting.parent
 
 
 def test_a_photo_goes_to_spectra_and_colours_in_a_few_lines(demos, monkeypatch):

@@ -6,12 +6,8 @@ import shutil
 import unicodedata
 
 import pytest
-from flat_example import write_flat
 from report_example import example_session
 
-from spectrabox.session.config.session_file import read_session
-from spectrabox.session.outputs.run_outputs import rewritten_outputs
-from spectrabox.session.pipeline import run_stages
 from spectrabox.session.report.page import write_report
 
 WIDTHS = (1300, 420)        # of a desk and of a telephone, where tables scroll
@@ -19,15 +15,12 @@ HOSTILE = "<script>alert(1)</script>"
 
 
 @pytest.fixture(scope="module", params=["scene", "flat"])
-def report(request, browser, tmp_path_factory):
+def report(request, browser, _finished_flat, tmp_path_factory):
     """The report of a session with a scene, and of one without."""
-    folder = tmp_path_factory.mktemp(request.param)
-    if request.param == "scene":
-        return write_report(example_session(folder, materials=("white", HOSTILE, "green")))
-    config = read_session(write_flat(folder / "s"))
-    finished = run_stages(config, device="cpu", only=None, force=False, progress=lambda *_: None)
-    rewritten_outputs(config, finished, ["spectrabox", "run"], "cpu")
-    return config.folder / "report.html"
+    if request.param == "flat":
+        return _finished_flat / "report.html"
+    return write_report(example_session(tmp_path_factory.mktemp("scene"),
+                                        materials=("white", HOSTILE, "green")))
 
 
 @pytest.fixture

@@ -5,10 +5,6 @@ import re
 import pytest
 from report_example import example_session
 
-from spectrabox.fixtures.demos.flat_demo import write_flat_demo
-from spectrabox.session.config.session_file import read_session
-from spectrabox.session.outputs.run_outputs import rewritten_outputs
-from spectrabox.session.pipeline import run_stages
 from spectrabox.session.report.page import write_report
 
 WIDE = {"width": 1400, "height": 900}
@@ -20,14 +16,9 @@ UNFOLD = "document.querySelectorAll('details').forEach((one) => { one.open = tru
 
 
 @pytest.fixture(scope="module")
-def painting(tmp_path_factory):
+def painting(finished_painting):
     """The report of eight regions and a white card."""
-    folder = tmp_path_factory.mktemp("report") / "painting"
-    write_flat_demo(folder)
-    config = read_session(folder)
-    finished = run_stages(config, device="cpu", only=None, force=False, progress=lambda *_: None)
-    rewritten_outputs(config, finished, ["spectrabox", "run"], "cpu")
-    return folder / "report.html"
+    return finished_painting / "report.html"
 
 
 @pytest.fixture(scope="module")

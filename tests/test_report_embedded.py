@@ -4,27 +4,20 @@ import shutil
 
 import numpy as np
 import pytest
-from flat_example import write_flat
 from report_example import example_session
 from typer.testing import CliRunner
 
 from spectrabox.radiometry.files import sha256_of
 from spectrabox.session.cli import app
-from spectrabox.session.config.session_file import read_session
-from spectrabox.session.outputs.run_outputs import rewritten_outputs
-from spectrabox.session.pipeline import run_stages
 from spectrabox.session.report.page import write_report
 
 
 @pytest.fixture(scope="module")
-def written(tmp_path_factory):
+def written(_finished_flat, tmp_path_factory):
     """A folder with a report of a scene, and one of a flat sample, both as they were written."""
-    scene, flat = (tmp_path_factory.mktemp(name) for name in ("scene", "flat"))
+    scene = tmp_path_factory.mktemp("scene")
     write_report(example_session(scene, materials=("white", "a/b ~ <i>", "green")))
-    config = read_session(write_flat(flat / "s"))
-    finished = run_stages(config, device="cpu", only=None, force=False, progress=lambda *_: None)
-    rewritten_outputs(config, finished, ["spectrabox", "run"], "cpu")
-    return {"scene": scene, "flat": config.folder}
+    return {"scene": scene, "flat": shutil.copytree(_finished_flat, scene.parent / "embedded")}
 
 
 def numbers_of(folder):

@@ -98,11 +98,12 @@ FAULTS = {black_stated_too_high: "the black level taken off is too high",
 
 
 @pytest.mark.parametrize("fault, sentence", FAULTS.items())
-def test_check_says_what_run_would_refuse(captured, fault, sentence):
-    fault(captured)
-    said = [problem.sentence for problem in check_session(captured).problems]
+def test_check_says_what_run_would_refuse(finished, fault, sentence):
+    """What does not hang on the fault is kept, of a session that was run before it."""
+    fault(finished)
+    said = [problem.sentence for problem in check_session(finished).problems]
     with pytest.raises(SpectraboxError) as refused:
-        run_stages(read_session(captured), device="cpu", only=None, force=False,
+        run_stages(read_session(finished), device="cpu", only=None, force=False,
                    progress=lambda *_: None)
     assert sentence in str(refused.value)
     assert set(str(refused.value).splitlines()) <= set(said)

@@ -7,7 +7,6 @@ import OpenImageIO as oiio
 import pytest
 from served_page import asked, opened_in, served, wait_for, wait_ready
 
-from spectrabox.fixtures.demos.flat_demo import write_flat_demo
 from spectrabox.measure.pictures.shown_photo import camera_look
 from spectrabox.radiometry import appearance
 from spectrabox.radiometry.profile_files import SRGB
@@ -44,11 +43,9 @@ def pixels(content, path):
 
 
 @pytest.fixture(scope="module")
-def painting(tmp_path_factory):
+def painting(finished_painting):
     """The demo of eight paints under an unknown lamp, run."""
-    folder = tmp_path_factory.mktemp("shown") / "painting"
-    write_flat_demo(folder)
-    config = read_session(folder)
+    config = read_session(finished_painting)
     return config, run_stages(config, device="cpu", only=None, force=False,
                               progress=lambda *_: None)
 

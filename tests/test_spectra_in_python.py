@@ -13,7 +13,6 @@ import pytest
 
 import spectrabox as sb
 from spectrabox.api.arguments import as_curves, as_filter, as_light
-from spectrabox.fixtures.demos.flat_demo import write_flat_demo
 from spectrabox.radiometry.appearance import ciede2000, reflectance_to_lab
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.spectra.spectrum_files import read_table
@@ -29,11 +28,9 @@ def orange():
 
 
 @pytest.fixture(scope="module")
-def demos(tmp_path_factory):
+def demos(finished_painting):
     """A folder with ``painting``, as the demo command writes it."""
-    folder = tmp_path_factory.mktemp("demos")
-    write_flat_demo(folder / "painting")
-    return folder
+    return finished_painting.parent
 
 
 @pytest.mark.skipif(not INDOOR.exists(), reason="SPECTRABOX_DATA names no folder of photos")

@@ -28,11 +28,11 @@ MAY_IMPORT = {
     "run": (["run", "{session}"], {"pydantic", "numpy", "scipy", "mitsuba", "drjit", "matplotlib",
                                    "jinja2", "rich", *PHOTOS}),
     # What is flat needs no renderer, and so no LLVM either.
-    "demo --flat": (["demo", "{new}", "--flat"], {"pydantic", "numpy", "scipy", "matplotlib",
-                                                  "jinja2", "rich", "colour", "pandas",
-                                                  *PHOTOS}),
+    "run of flat samples": (["run", "{flat}"], {"pydantic", "numpy", "scipy", "matplotlib",
+                                                "jinja2", "rich", *PHOTOS}),
 }
-RUN = """
+SHOWN = 'print("MODULES", *sys.modules)'
+RUN = f"""
 import sys
 sys.argv = ["spectrabox", *sys.argv[1:]]
 from spectrabox.session.cli import main
@@ -40,24 +40,35 @@ try:
     main()
 except SystemExit as left:
     assert not left.code, left.code
-print("MODULES", *sys.modules)
+{SHOWN}
+"""
+FLAT_DEMO = f"""
+import pathlib, sys
+from spectrabox.session.demo import make_flat_demo
+make_flat_demo(pathlib.Path(sys.argv[1]), 1)
+{SHOWN}
 """
 
 
-def modules_of(*arguments):
+def modules_of(*arguments, code=RUN):
     """Names of the modules that a command has imported when it ends."""
-    ran = subprocess.run([sys.executable, "-c", RUN, *arguments], capture_output=True, text=True,
+    ran = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True,
                          check=False, cwd=ROOT)
     assert ran.returncode == 0, ran.stderr
     return ran.stdout.splitlines()[-1].split()[1:]
 
 
 @pytest.mark.parametrize("command", MAY_IMPORT)
-def test_a_command_imports_what_it_uses(command, captured, tmp_path):
+def test_a_command_imports_what_it_uses(command, captured, calibrated_flat, tmp_path):
     arguments, allowed = MAY_IMPORT[command]
-    imported = set(modules_of(*(word.format(session=captured, new=tmp_path / "new")
-                                for word in arguments)))
+    imported = set(modules_of(*(word.format(session=captured, flat=calibrated_flat,
+                                            new=tmp_path / "new") for word in arguments)))
     assert HEAVY & imported <= allowed
+
+
+def test_the_flat_demo_is_made_without_a_renderer(tmp_path):
+    imported = set(modules_of(str(tmp_path / "demo"), code=FLAT_DEMO))
+    assert "numpy" in imported and not imported & {"mitsuba", "drjit"}
 
 
 def test_the_status_of_flat_samples_computes_nothing(tmp_path):

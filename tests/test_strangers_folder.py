@@ -104,14 +104,16 @@ def test_a_command_in_a_strangers_folder_runs_nothing_of_it(captured, finished, 
     typed(plant(finished if words[0] == "report" else captured), *words)
 
 
-def test_workers_run_nothing_of_the_folder_that_a_batch_is_started_in(typed, tmp_path):
-    folders = [write_session(tmp_path / name) for name in ("a", "b")]
+def test_workers_run_nothing_of_the_folder_that_a_batch_is_started_in(typed, tmp_path,
+                                                                      calibrated_flat):
+    folders = [shutil.copytree(calibrated_flat, tmp_path / name) for name in ("a", "b")]
     typed(plant(tmp_path), "batch", *(each.name for each in folders), "--workers", "2")
 
 
-def test_workers_of_a_cluster_run_nothing_of_the_folder_that_it_is_started_in(typed, tmp_path):
+def test_workers_of_a_cluster_run_nothing_of_the_folder_that_it_is_started_in(typed, tmp_path,
+                                                                              calibrated_flat):
     pytest.importorskip("distributed")
-    write_session(tmp_path / "a")
+    shutil.copytree(calibrated_flat, tmp_path / "a")
     typed(plant(tmp_path), "batch", "a", "--cluster", "local", "--workers", "1")
 
 

@@ -75,6 +75,7 @@ def test_a_camera_is_fitted_without_a_file(shot):
     assert facts["held_out_delta_e00"] < 1.5        # copies differ by 3 % in the level of a patch
 
 
+@pytest.mark.usefixtures("light_as_stated", "no_advice")
 def test_a_sample_beside_the_chart_is_measured_without_a_file(shot):
     name, _, file, corners = shot
     ran = call("flat", file, "--light", "A", "--chart-layout", name, "--corners", corners,

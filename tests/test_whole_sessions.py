@@ -63,6 +63,7 @@ def answer_of(*words):
     return json.loads(result.stdout)
 
 
+@pytest.mark.usefixtures("no_advice")
 @pytest.mark.parametrize("name", SESSIONS)
 def test_a_session(name, hold, tmp_path):
     folder = SESSIONS[name](tmp_path / "session")
@@ -74,8 +75,9 @@ def test_a_session(name, hold, tmp_path):
         assert config.regions or (folder / f"comparison {view.name}.exr").is_file()
 
 
-def test_the_demo(captured, hold):
-    hold("demo", table_of(captured, answer_of("run", captured)))
+def test_the_demo(finished, hold):
+    """Its stages are those that every test has a copy of."""
+    hold("demo", table_of(finished, answer_of("run", finished)))
 
 
 def test_a_batch_with_a_known_white_card(hold, tmp_path):

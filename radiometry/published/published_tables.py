@@ -6,6 +6,7 @@ Measured cameras and charts lie in files of their own, described in the texts be
 """
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 
 import numpy as np
@@ -31,9 +32,14 @@ def published_names(kind: str) -> list[str]:
     ----------
     kind : {"observers and cameras", "measured cameras", "lights", "charts", "chart colours"}
     """
+    return list(_names(kind))
+
+
+@functools.cache
+def _names(kind: str) -> tuple[str, ...]:
     with np.load(FILES.get(kind, FILE)) as tables:
-        return [name.removeprefix(f"{kind}/") for name in tables.files
-                if name.startswith(f"{kind}/")]
+        return tuple(name.removeprefix(f"{kind}/") for name in tables.files
+                     if name.startswith(f"{kind}/"))
 
 
 def published_curves(kind: str, name: str) -> tuple[np.ndarray, np.ndarray]:
@@ -54,9 +60,14 @@ def published_curves(kind: str, name: str) -> tuple[np.ndarray, np.ndarray]:
     known = known_name(name, names)
     if known is None:
         raise InputError(f"{name!r} is not among the published {kind}{nearest_words(name, names)}")
+    nm, *curves = _table(kind, known)
+    return nm.copy(), np.array(curves)
+
+
+@functools.cache        # a file is opened by every chart and every camera of a measurement
+def _table(kind: str, name: str) -> np.ndarray:
     with np.load(FILES.get(kind, FILE)) as tables:
-        nm, *curves = tables[f"{kind}/{known}"]
-    return nm, np.array(curves)
+        return np.asarray(tables[f"{kind}/{name}"])
 
 
 def all_published(kind: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:

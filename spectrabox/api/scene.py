@@ -237,7 +237,8 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, light: ar
 
     Examples
     --------
-    >>> camera = sb.fit_camera("mybox/photos/chart.dng", light="mybox/spectra/light.csv")
+    >>> camera = sb.fit_camera("mybox/photos/chart.dng", light="mybox/spectra/light.csv",
+    ...                        chart_scene="mybox/scene/chart.xml")
     >>> scene = sb.reconstruct_scene("mybox/photos/box.dng", scene="mybox/scene/box.xml",
     ...     camera=camera, light="mybox/spectra/light.csv",
     ...     materials={"white": None, "green": None, "red": None, "cube": None,
