@@ -23,7 +23,7 @@ from spectrabox.calibrate.light_error import LightDeparture, light_departures
 from spectrabox.calibrate.prior.camera_prior import SMOOTH_SOURCE, CameraPrior
 from spectrabox.calibrate.prior.curve_posterior import relit
 from spectrabox.calibrate.spline_fit import SPLINE_COEFFICIENTS
-from spectrabox.radiometry import chart_causes
+from spectrabox.radiometry import chart_causes, errors
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding, Severity, worst
 from spectrabox.radiometry.interreflection import response_matrix
@@ -39,6 +39,7 @@ from spectrabox.radiometry.records.calibration import (
     PriorInfluence,
     SensitivityFit,
 )
+from spectrabox.radiometry.records.photos import MIN_PATCHES
 from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 
@@ -137,16 +138,42 @@ def calibrate_chart(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Wave
         is not known, or a light cannot be one (see ``light_power``).
     CheckError
         If no camera explains the patches, or given curves explain them only if the photo is read in
-        another way.
+        another way; naming the patch without which one does, where it is a single one.
     CalibrationError
         If chart and light do not determine the curves (see ``fit_sensitivities``).
     """
     chosen = CalibrationOptions() if options is None else options
-    calibrated = _calibrated(photos, grid, chosen)
+    try:
+        calibrated = _calibrated(photos, grid, chosen)
+    except errors.UnexplainedChartError as error:
+        alone = _wrong_patch(photos, grid, chosen, error.worst)
+        if alone is None:
+            raise
+        raise errors.UnexplainedChartError(
+            f"{error}; or look at patch {alone + 1}, {photos[0].chart.names[alone]}: a camera "
+            f"explains the others. Leave it out: --leave-out {alone + 1} (leave_out = "
+            f"[{alone + 1}] under [chart] of session.toml)", error.worst, alone) from None
     if calibrated.copy is None or calibrated.copy.edition == photos[0].editions[0].name:
         return calibrated
     return _calibrated([chart_copy.of_edition(photo, calibrated.copy.edition) for photo in photos],
                        grid, chosen)
+
+
+def _wrong_patch(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.WavelengthGrid,
+                 chosen: CalibrationOptions, number: int) -> int | None:
+    """The patch of the only photo without which its others are explained: this one of those that
+    are used, which the others predict worst; None where they are not explained without it either.
+    """
+    used = np.flatnonzero(photos[0].used)
+    if len(photos) > 1 or used.size <= MIN_PATCHES:
+        return None
+    excluded = ~photos[0].used
+    excluded[used[number]] = True
+    try:
+        _calibrated([replace(photos[0], excluded=excluded)], grid, chosen)
+    except errors.SpectraboxError:
+        return None
+    return int(used[number])
 
 
 def _calibrated(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.WavelengthGrid,

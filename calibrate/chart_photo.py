@@ -247,8 +247,12 @@ def disagreement_of_bands(signal: np.ndarray, held_out: np.ndarray) -> np.ndarra
     ----------
     signal, held_out : (I, K) arrays
     """
-    scale = np.maximum(signal, DARK_SHARE * signal.max(axis=0))
-    return np.sqrt(np.mean(((signal - held_out) / scale) ** 2, axis=0))
+    return np.sqrt(np.mean(_relative(signal, held_out) ** 2, axis=0))
+
+
+def _relative(signal: np.ndarray, held_out: np.ndarray) -> np.ndarray:
+    return np.asarray((signal - held_out)
+                      / np.maximum(signal, DARK_SHARE * signal.max(axis=0)))
 
 
 def refuse_disagreement(explanation: str, signal: np.ndarray, held_out: np.ndarray,
@@ -268,12 +272,13 @@ def refuse_disagreement(explanation: str, signal: np.ndarray, held_out: np.ndarr
 
     Raises
     ------
-    CheckError
+    UnexplainedChartError
     """
     hint = (f"read as {reading} the patches would agree: correct that" if reading is not None else
             "check the chart reference, the light spectrum (or state the light as \"unknown\"), "
             "glare, and that the photo is linear (not a JPEG)")
     percent = float(f"{100 * disagreement(signal, held_out):.2g}")     # 120, not 1.2e+02
-    raise errors.CheckError(
+    raise errors.UnexplainedChartError(
         f"{explanation}: its patches disagree with the reference by {percent:g} % rms "
-        f"(chi-square {chi_square:.1f} per signal); {hint}")
+        f"(chi-square {chi_square:.1f} per signal); {hint}",
+        int(np.argmax(np.square(_relative(signal, held_out)).sum(axis=1))))

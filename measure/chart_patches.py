@@ -27,7 +27,7 @@ from spectrabox.measure.extras import attempt
 from spectrabox.measure.held_out_spectra import held_out_patches
 from spectrabox.radiometry.chart import BEFORE_2014, COPIES_SINCE_2014, Chart
 from spectrabox.radiometry.charts.references import editions
-from spectrabox.radiometry.errors import SpectraboxError
+from spectrabox.radiometry.errors import SpectraboxError, UnexplainedChartError
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import photos
@@ -100,11 +100,19 @@ def _edition(image: photos.LinearImage, chart: Chart, samples: photos.PatchSampl
     if any(one.code == quality.CONVERTED for one in image.findings):
         return _not_told(Finding("edition.converted", Severity.INFO))
     of = editions(chart, samples.taken_at)
+    photo = ChartPhoto(samples, of[0].mean, UnknownLight(), chart=chart, excluded=excluded,
+                       editions=of)
+    left_out = ~photo.used
     try:
-        fitted = calibrate_chart([ChartPhoto(samples, of[0].mean, UnknownLight(), chart=chart,
-                                             excluded=excluded, editions=of)], FINE_GRID)
-        patches = tuple(chart_findings.at_fault(
-            held_out_patches(fitted, fitted.reflectances), chart.names))
+        try:
+            fitted = calibrate_chart([photo], FINE_GRID)
+        except UnexplainedChartError as error:
+            if error.alone is None:
+                raise
+            without = left_out | (np.arange(len(left_out)) == error.alone)
+            fitted = calibrate_chart([replace(photo, excluded=without)], FINE_GRID)
+        patches = tuple(chart_findings.at_fault(replace(
+            held_out_patches(fitted, fitted.reflectances), excluded=left_out), chart.names))
     except SpectraboxError as error:
         return _not_fitted(type(error).__name__)
     if len(of) == 1:

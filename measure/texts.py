@@ -688,6 +688,16 @@ PHOTOS: dict[str, Text] = {
     "picture.no-texture": Text(
         "Textures", lambda values: f"No texture of {', '.join(values['names'])}: several of their "
         "parts in the photo share texture coordinates."),
+    # the table of a picture of spectra without a session, and its colours
+    "uplift.table": Text(
+        "Table of spectra", "Spectra of the table ({side} points a side) differ from those "
+        "computed one by one by {median:.2f} CIEDE2000 in the median and {largest:.2f} at most; "
+        "beyond {limit:g} are {beyond:percent} of the pixels.",
+        "Take a larger table: --side {larger_side}.", "{largest:.2f}", "{limit:g}"),
+    "uplift.colours-off": Text(
+        "Colours of the pixels", "{pixels} of {of_pixels} pixels have spectra whose colour is more "
+        "than {limit:g} CIEDE2000 from theirs.",
+        "See which in delta_e00: no reflectance that was found has their colour.", "{pixels}"),
     # white and camera of a picture without a session
     "white.camera-explains-chart": Text(
         "Camera and light against the chart", "The chart's patches agree with camera and light "

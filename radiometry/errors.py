@@ -36,6 +36,25 @@ class ClippedPhotoError(CheckError):
     """Too much of the photo, or of the chart in it, is saturated."""
 
 
+class UnexplainedChartError(CheckError):
+    """No camera explains the patches of a chart.
+
+    Attributes
+    ----------
+    worst : int
+        Index, among the patches that were fitted, of the one that the others predict worst.
+    alone : int or None
+        Index of the one patch without which a camera explains the others, where it was looked for.
+    """
+
+    def __init__(self, sentence: str, worst: int, alone: int | None = None) -> None:
+        super().__init__(sentence)
+        self.worst, self.alone = worst, alone
+
+    def __reduce__(self) -> tuple[type, tuple[str, int, int | None]]:
+        return type(self), (str(self), self.worst, self.alone)
+
+
 class CalibrationError(SpectraboxError):
     """The chart photo and the light do not determine what was asked of them."""
 

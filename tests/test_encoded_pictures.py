@@ -134,8 +134,10 @@ def test_pixels_come_back_to_their_colours_or_are_counted(tmp_path, options):
     np.testing.assert_allclose(apart, off, atol=0.3 if "20" not in options else 1)
     assert np.mean(off > 0.7) <= facts["colours_off"] <= np.mean(off > 0.3)
     assert facts["colours_off"] < 0.2
-    assert (facts["table_delta_e00"]["largest"] > 1) == any("--side" in each
-                                                            for each in facts["warnings"])
+    table = next(one for one in facts["findings"] if one["code"] == "uplift.table")
+    assert (table["severity"] == "warn") == (facts["table_delta_e00"]["largest"] > 1) \
+        == (facts["table_delta_e00"]["beyond"] > 0)
+    assert len(facts["warnings"]) == sum(one["severity"] == "warn" for one in facts["findings"])
     if "9" in options:
         assert facts["table_delta_e00"]["largest"] > 1
 

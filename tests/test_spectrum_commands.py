@@ -89,3 +89,41 @@ def test_bad_options_get_one_sentence(tmp_path, options, code, message):
     path = write_examples(tmp_path)["ASD"]
     result = run("convert", path, "-o", tmp_path / "o.csv", *options)
     assert result.exit_code == code and message in " ".join(result.stderr.replace("│", "").split())
+
+
+AXES = {"nm": lambda nm: nm, "um": lambda nm: nm / 1e3, "Angstrom": lambda nm: 10 * nm,
+        "1/cm": lambda nm: 1e7 / nm, "THz": lambda nm: 299_792.458 / nm,
+        "eV": lambda nm: 1239.841984 / nm}
+
+
+@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("unit, scale", [("percent", 100), ("fraction", 1), ("%", 100)])
+@pytest.mark.parametrize("header", ["x,y", "wavelength [furlong],reflectance [foo mol]"])
+def test_what_a_file_does_not_state_is_said_by_options(tmp_path, axis, unit, scale, header):
+    (tmp_path / "bare.csv").write_text(header + "\n" + "".join(
+        f"{AXES[axis](nm):.9g},{scale * value:.9g}\n" for nm, value in zip(
+            NM, REFLECTANCE, strict=True)))
+    said = ("--unit", axis, "--unit", unit)
+    result = run("convert", tmp_path / "bare.csv", "-o", tmp_path / "o.csv", "--quantity",
+                 "reflectance", *said)
+    assert result.exit_code == 0, result.output
+    found = read_spectrum(tmp_path / "o.csv", role=Quantity.REFLECTANCE)
+    np.testing.assert_allclose(found.grid.nm, NM, rtol=1e-8)       # nine digits are written
+    np.testing.assert_allclose(found.values, REFLECTANCE, rtol=1e-8)
+    without = run("convert", tmp_path / "bare.csv", "-o", tmp_path / "p.csv", "--quantity",
+                  "reflectance")
+    if header == "x,y" and axis in ("nm", "THz") and scale == 1:
+        assert without.exit_code == 0       # numbers of light in THz are those of nm
+    else:
+        assert without.exit_code == 3 and "--unit" in without.output
+
+
+def test_a_stated_unit_is_not_overruled(tmp_path):
+    (tmp_path / "a.csv").write_text("wavelength (nm),r (%)\n400,50\n500,60\n")
+    for unit, code in (("um", 3), ("fraction", 3), ("nm", 0), ("percent", 0), ("parsec", 3)):
+        result = run("convert", tmp_path / "a.csv", "-o", tmp_path / f"{unit}.csv", "--quantity",
+                     "reflectance", "--unit", unit)
+        assert result.exit_code == code, result.output
+        assert (tmp_path / f"{unit}.csv").exists() == (code == 0)
+    [asd] = [path for path in write_examples(tmp_path).values() if path.suffix == ".asd"]
+    assert run("convert", asd, "-o", tmp_path / "o.csv", "--unit", "um").exit_code == 3

@@ -102,11 +102,11 @@ def test_a_light_that_is_nearly_right_is_warned_of(tmp_path):
     write_photo(tmp_path / "photo.dng", picture(), Fraction(1, 60), np.random.default_rng(3))
     code, facts = uplift(tmp_path / "photo.dng", tmp_path / "out")
     assert code == 0 and 0.04 < facts["chart_residual"] < 0.1
-    assert [one["code"] for one in facts["findings"]] == ["white.camera-unlike-chart"]
-    assert " ".join(facts["findings"][0][key] for key in ("sentence", "remedy")) \
-        in facts["warnings"]
+    [found] = [one for one in facts["findings"] if one["code"] == "white.camera-unlike-chart"]
+    assert " ".join(found[key] for key in ("sentence", "remedy")) in facts["warnings"]
     code, facts = uplift(tmp_path / "photo.dng", tmp_path / "out", "--white", "0.8,0.8,0.8")
-    assert code == 0 and facts["chart_residual"] is None and facts["findings"] == []
+    assert code == 0 and facts["chart_residual"] is None
+    assert not [one for one in facts["findings"] if one["code"].startswith("white.")]
     assert facts["white_from"] == "stated; no chart was looked for"
     with pytest.warns(UserWarning, match="patches are off by"):
         sb.uplift(sb.open_photo(tmp_path / "photo.dng"), **NAMED)

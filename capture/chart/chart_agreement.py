@@ -119,8 +119,36 @@ def chart_agreement(image: LinearImage, quads_px: np.ndarray, reference: np.ndar
     excluded : (I,) bool array, optional
         Patches that say nothing of the chart: their misfit is 0.
     """
-    kept = _kept(chart, excluded)
-    medians, colours = _patch_medians(image, quads_px), reference
+    return _agreement(_patch_medians(image, quads_px), reference, chart, excluded)
+
+
+def wrong_neutral(image: LinearImage, quads_px: np.ndarray, reference: np.ndarray, chart: Chart,
+                  accepted: float, excluded: np.ndarray | None = None
+                  ) -> tuple[int, Agreement] | None:
+    """The neutral patch without which patches agree with a chart that do not agree with it, and how
+    they do: a single misprinted one puts the greys out of order. None where no single one is.
+
+    Parameters
+    ----------
+    image, quads_px, reference, chart, excluded
+        As of ``chart_agreement``.
+    accepted : float
+        Residual up to which patches and reference agree.
+    """
+    medians = _patch_medians(image, quads_px)
+    out = np.zeros(len(chart.names), bool) if excluded is None else excluded
+    left = [patch for patch in chart.neutrals if not out[patch]]
+    if medians is None or len(left) <= MIN_NEUTRALS or len(out) - out.sum() <= MIN_PATCHES:
+        return None
+    fits = [(patch, _agreement(medians, reference, chart, out | (np.arange(len(out)) == patch)))
+            for patch in left]
+    patch, best = min(fits, key=lambda fit: fit[1].residual)
+    return (patch, best) if best.residual <= accepted else None
+
+
+def _agreement(medians: np.ndarray | None, reference: np.ndarray, chart: Chart,
+               excluded: np.ndarray | None) -> Agreement:
+    kept, colours = _kept(chart, excluded), reference
     if medians is not None and medians.shape[1] != MIXED_BANDS:
         medians, reference = in_one_band(medians), in_one_band(reference)
     # as proposed, turned by 180 degrees, and in two mirrors

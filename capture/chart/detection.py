@@ -7,7 +7,7 @@ gaps between patches are as wide as on the card.
 """
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import cv2
@@ -25,6 +25,7 @@ from spectrabox.capture.chart.chart_agreement import (
     chart_units,
     reading_of_reference,
     unit_scale,
+    wrong_neutral,
 )
 from spectrabox.capture.chart.patches import image_from_sensor, sensor_from_image
 from spectrabox.capture.photo.preview import signal_rgb8
@@ -144,6 +145,10 @@ def locate_chart(image: photos.LinearImage, reference: np.ndarray,
                                   confidence=float(np.exp(-agreement.residual / CONFIDENCE_SCALE)),
                                   mirrored=bool(np.linalg.det([turn - start, end - turn]) < 0),
                                   how_found=how_found)
+        neutral = None if refusal else wrong_neutral(image, quads_px, reference, chart,
+                                                     ACCEPTED_RESIDUAL, excluded)
+        if neutral is not None:
+            refusal = _one_neutral(image, *neutral, chart)
         elif corners_px is not None and not chart.has_known_colours:
             reading = reading or reading_of_reference(image, quads_px, reference, chart,
                                                       ACCEPTED_RESIDUAL)
@@ -405,14 +410,28 @@ def _require_chart(image: photos.LinearImage, agreement: Agreement, chart: Chart
                                         f"use a {chart.name.removeprefix('ColorChecker ')}: "
                                         f"{len(chart.names)} patches of this very order")
         if len(chart.names) - worst.size >= photos.MIN_PATCHES:
-            numbers = ", ".join(str(patch + 1) for patch in sorted(worst.tolist()))
-            remedy += (f"; or measure on the others: --leave-out {numbers.replace(' ', '')} "
-                       f"(leave_out = [{numbers}] under [chart] of session.toml)")
+            remedy += f"; {_leaving_out(worst.tolist())}"
         raise errors.CheckError(f"photo {image.source}: patch "
                          f"{', '.join(str(patch + 1) for patch in worst[:6])} of the chart "
                          f"read{'s' if worst.size == 1 else ''} unlike a {chart.name} "
                          f"(relative misfit {agreement.misfit[worst[0]]:.2f}, at most {limit} is "
                          f"accepted); {remedy}")
+
+
+def _leaving_out(patches: Sequence[int]) -> str:
+    """How the operator says that patches are left out."""
+    numbers = ", ".join(str(patch + 1) for patch in sorted(patches))
+    return (f"or measure on the others: --leave-out {numbers.replace(' ', '')} "
+            f"(leave_out = [{numbers}] under [chart] of session.toml)")
+
+
+def _one_neutral(image: photos.LinearImage, patch: int, others: Agreement,
+                 chart: Chart) -> errors.CheckError:
+    """The refusal of a chart whose other patches agree."""
+    return errors.CheckError(
+        f"photo {image.source}: patch {patch + 1} of the chart, {chart.names[patch]}, reads unlike "
+        f"a {chart.name}, whose greys grow darker from patch to patch; the others agree with one "
+        f"(relative rms {others.residual:.2f}); uncover and clean it, {_leaving_out([patch])}")
 
 
 def _dark_bands(image: photos.LinearImage) -> str | None:

@@ -21,7 +21,7 @@ from functools import partial
 
 import numpy as np
 
-from spectrabox.capture.photo.noise import photon_transfer
+from spectrabox.capture.photo.noise import LARGE_TILE, photon_transfer
 from spectrabox.radiometry.errors import InputError
 
 SAMPLES = 1_000_000         # of a band, enough for a histogram
@@ -34,6 +34,7 @@ MIN_WINDOW_STEPS = 4.0                  # of the file, about a value, that the s
 WINDOWS_PER_SIGMA, WINDOWS_BELOW = 3, 3
 MIN_SIGMA_STEPS = 1.5       # noise that would have spread the pile
 DARKER = 0.7                # of the brightest: below it noise is measured
+NOISE_TILES = 2000          # that tell it to 3 %; the whole picture where some rows have none dark
 TOP_PERCENTILE = 99.9       # that the brightest is taken for
 STEP_PERCENTILE = 5         # of the distances of neighbouring values: one step of the file
 MIN_VALUES = 16             # that tell it
@@ -121,14 +122,25 @@ def dark_noise(signal: np.ndarray, quantum: float, source: str = "",
     """
     stride = max(1, int(np.sqrt(signal.size / 250_000)))
     brightest = float(np.percentile(signal[::stride, ::stride], TOP_PERCENTILE))
-    bright = signal > DARKER * brightest
-    if known is not None:
-        bright |= known
-    try:
-        noise = photon_transfer(signal[..., None], bright[..., None], quantum, source, samples)
-    except InputError:      # no dark tile
-        return None
-    return float(noise.read[0]), float(noise.gain[0])
+    for every in dict.fromkeys((max(1, signal.size // (NOISE_TILES * LARGE_TILE**2)), 1)):
+        some = _rows_of_tiles(signal, every)
+        bright = some > DARKER * brightest
+        if known is not None:
+            bright |= _rows_of_tiles(known, every)
+        try:
+            noise = photon_transfer(some[..., None], bright[..., None], quantum, source, samples)
+        except InputError:      # no dark tile
+            continue
+        return float(noise.read[0]), float(noise.gain[0])
+    return None
+
+
+def _rows_of_tiles(plane: np.ndarray, every: int) -> np.ndarray:
+    """One in so many rows of the tiles that noise is measured in, all of a plane (H, W) for 1."""
+    if every == 1:
+        return plane
+    rows, width = plane.shape[0] // LARGE_TILE, plane.shape[1]
+    return plane[:rows * LARGE_TILE].reshape(rows, LARGE_TILE, width)[::every].reshape(-1, width)
 
 
 def _step(levels: np.ndarray) -> float:

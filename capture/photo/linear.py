@@ -5,6 +5,7 @@ Nothing is demosaiced. A tile is 2 x 2 samples of a Bayer sensor, 3 x 3 of an X-
 """
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -214,14 +215,16 @@ def full_colour_image(frame: raw.FullColourFrame) -> photos.LinearImage:
     frame : FullColourFrame
     """
     scale = frame.white_level - frame.black_level
-    signal = (frame.pixels - frame.black_level.astype(np.float32))
+    signal = np.subtract(frame.pixels, frame.black_level.astype(np.float32), dtype=np.float32)
     if frame.black_rows is not None:
         signal -= frame.black_rows.astype(np.float32)[:, None, None]
     if frame.black_columns is not None:
         signal -= frame.black_columns.astype(np.float32)[:, None]
     signal /= scale.astype(np.float32)
-    saturated = frame.pixels >= CLIP_FRACTION * frame.white_level
-    saturated |= signal >= frame.linear_limit
+    limits = np.minimum(np.ceil(CLIP_FRACTION * frame.white_level), 65535)
+    saturated = frame.pixels >= limits.astype(np.uint16)
+    if frame.linear_limit < 1:
+        saturated |= signal >= frame.linear_limit
     for band, clip in enumerate(clip_levels(signal, 1 / scale, frame.file, saturated)):
         if clip is not None:
             saturated[..., band] |= signal[..., band] >= CLIP_FRACTION * clip
@@ -229,11 +232,12 @@ def full_colour_image(frame: raw.FullColourFrame) -> photos.LinearImage:
     variance = noise.variance(signal)
     if frame.gain_maps:
         height, width, bands = signal.shape
-        for band in range(bands):
-            gains = gains_at(frame.gain_maps, (height, width), np.arange(height), np.arange(width),
-                             band)
-            signal[..., band] *= gains
-            variance[..., band] *= np.square(gains)
+        for start, band in itertools.product(range(0, height, ROWS_AT_ONCE), range(bands)):
+            rows = slice(start, min(start + ROWS_AT_ONCE, height))
+            gains = gains_at(frame.gain_maps, (height, width), np.arange(rows.start, rows.stop),
+                             np.arange(width), band)
+            signal[rows, :, band] *= gains
+            variance[rows, :, band] *= np.square(gains)
     return _image(frame, signal, variance, saturated, 1.0, photos.PhotoKind.LINEAR_FILE)
 
 

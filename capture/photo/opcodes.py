@@ -119,22 +119,28 @@ def gains_at(maps: Sequence[GainMap], size: tuple[int, int], rows: np.ndarray, c
         if not (within[0].any() and within[1].any()):
             continue
         plane = one.gains[..., min(band, one.gains.shape[2] - 1)]
-        (above, below, down), (before, after, across) = (
+        (above, down), (before, across) = (
             _between((where + 0.5) / side, origin, spacing, points)
             for where, side, origin, spacing, points in zip(
                 (rows, columns), size, one.origin, one.spacing, plane.shape, strict=True))
-        along = plane[above] * (1 - down)[:, None] + plane[below] * down[:, None]
-        gains = along[:, before] * (1 - across) + along[:, after] * across
-        product *= np.where(within[0][:, None] & within[1], gains, 1).astype(np.float32)
+        along = plane[above]
+        along += down[:, None] * (plane[np.minimum(above + 1, len(plane) - 1)] - along)
+        # no fancy index: half of the time
+        gains = np.take(along, before, axis=1)
+        if along.shape[1] > 1:
+            gains += np.take(np.diff(along, axis=1), before, axis=1) * across
+        if not (within[0].all() and within[1].all()):
+            gains = np.where(within[0][:, None] & within[1], gains, np.float32(1))
+        product *= gains
     return product
 
 
 def _between(position: np.ndarray, origin: float, spacing: float,
-             points: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The points of a map before and after relative positions, and the way between the two."""
+             points: int) -> tuple[np.ndarray, np.ndarray]:
+    """The points of a map before relative positions, and the way from there to the next."""
     index = np.clip((position - origin) / spacing if points > 1 else 0 * position, 0, points - 1)
     before = np.minimum(index.astype(int), max(points - 2, 0))
-    return before, np.minimum(before + 1, points - 1), index - before
+    return before, (index - before).astype(np.float32)
 
 
 def _opcodes(content: bytes) -> Iterator[_Opcode]:

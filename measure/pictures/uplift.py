@@ -13,7 +13,7 @@ import numpy as np
 from spectrabox.capture.photo.image_rows import PictureRows
 from spectrabox.measure.pictures import pixel_spectra
 from spectrabox.measure.signals.options import PIXEL_NOISE
-from spectrabox.radiometry import appearance, error_model, errors, grid
+from spectrabox.radiometry import appearance, error_model, errors, findings, grid
 from spectrabox.sampling.prior import mixture, mixture_posterior, uplift_table
 from spectrabox.sampling.spectral_measurement import check_bands
 
@@ -272,10 +272,10 @@ def with_colours(mean: np.ndarray, signals: np.ndarray,
 
 
 def table_error(source: ImageSource, plan: pixel_spectra.SpectraPlan,
-                survey: pixel_spectra.Survey, *, encoded: bool) -> tuple[float, float] | None:
-    """Median and largest CIEDE2000, under D65 and A, between spectra of a picture's table and those
-    computed by themselves, at some of its signals that are not darker than the table; None where
-    there are none, or each pixel was computed by itself.
+                survey: pixel_spectra.Survey, *, encoded: bool) -> findings.Finding | None:
+    """How far, in CIEDE2000 under D65 and A, spectra of a picture's table are from those computed
+    by themselves, at some of its signals that are not darker than the table; None where there are
+    none, or each pixel was computed by itself.
 
     Parameters
     ----------
@@ -285,21 +285,47 @@ def table_error(source: ImageSource, plan: pixel_spectra.SpectraPlan,
         Of all rows.
     encoded : bool
         As of `of_colours`.
+
+    Returns
+    -------
+    Finding
+        WARN where the largest is beyond ``limit``; ``beyond`` is the share of the picture's pixels
+        that are, each signal standing for those that are next to it in order.
     """
     if not plan.tables:
         return None
-    signals = np.unique(np.clip(survey.sample.signals, 0, 1), axis=0)
-    signals = signals[signals.min(axis=1) >= uplift_table.MIN_ROOT**3]
-    if not signals.size:
+    signals, counts = np.unique(np.clip(survey.sample.signals, 0, 1), axis=0, return_counts=True)
+    bright = signals.min(axis=1) >= uplift_table.MIN_ROOT**3
+    if not bright.any():
         return None
-    block = pixel_spectra.PixelBlock(signals[::-(-len(signals) // CHECKED)], None, None)
+    first = np.arange(0, np.count_nonzero(bright), -(-np.count_nonzero(bright) // CHECKED))
+    pixels = np.add.reduceat(counts[bright], first)
+    block = pixel_spectra.PixelBlock(signals[bright][first], None, None)
     nm, _ = plan.kept.nm
     table, own = (np.clip(of_colours(source, each, encoded=encoded)(block)[0], 0, 1)
                   for each in (plan, pixel_spectra.SpectraPlan(plan.kept, ())))
     apart = np.max([appearance.ciede2000(appearance.reflectance_to_lab(nm, own, light),
                                          appearance.reflectance_to_lab(nm, table, light))
                     for light in CHECK_LIGHTS], axis=0)
-    return float(np.median(apart)), float(np.max(apart))
+    beyond = float(pixels[apart > MAX_TABLE_ERROR].sum() / counts.sum())
+    return findings.Finding(
+        "uplift.table", findings.graded(float(apart.max()), MAX_TABLE_ERROR), values={
+            "median": float(np.median(apart)), "largest": float(apart.max()), "beyond": beyond,
+            "limit": MAX_TABLE_ERROR, "side": source.table_side,
+            "larger_side": 2 * source.table_side - 1})
+
+
+def colours_off(pixels: int, of_pixels: int) -> findings.Finding:
+    """How many pixels of a picture in sRGB have spectra without their colour.
+
+    Parameters
+    ----------
+    pixels, of_pixels : int
+        Those beyond MAX_COLOUR_ERROR, and all.
+    """
+    return findings.Finding(
+        "uplift.colours-off", findings.Severity.WARN if pixels else findings.Severity.INFO,
+        values={"pixels": pixels, "of_pixels": of_pixels, "limit": MAX_COLOUR_ERROR})
 
 
 def require_bands(bands: int, relative_response: np.ndarray) -> None:

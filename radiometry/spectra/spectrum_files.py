@@ -43,8 +43,11 @@ HOLE_STEPS, MAX_STEP_NM = 3.0, 20.0
 MAX_NAMED = 24              # columns in one error sentence: as many as a chart has patches
 MAX_PERCENT = 100 * MAX_REFLECTANCE     # above it values are counts
 KNOWN_UNITS = ("percent", "uW cm-2 nm-1", "uW cm-2 sr-1 nm-1", "mW m-2 nm-1", "mW m-2 sr-1 nm-1")
+# formats whose axis may lack a unit
+ANY_AXIS: dict[str, Callable[[bytes, Path, str | None], SpectralTable]] = {
+    "CSV": delimited.read_delimited, "ENVI": read_envi}
 READERS: dict[str, Callable[[bytes, Path], SpectralTable]] = {
-    "ASD": read_asd, "CGATS": read_cgats, "TM-27": read_tm27, "ENVI": read_envi, "Sekonic":
+    "ASD": read_asd, "CGATS": read_cgats, "TM-27": read_tm27, "Sekonic":
     light_meters.read_sekonic, "UPRTek": light_meters.read_uprtek, "rawtoaces": read_rawtoaces,
     "spectral EXR": read_spectral_exr, "JCAMP-DX": jcamp.read_jcamp, "CxF": cxf.read_cxf
 }
@@ -62,31 +65,63 @@ FOREIGN = {
     b"\x1f\x8b": "a gzip archive: unpack it first"}
 
 
-def read_table(path: Path) -> SpectralTable:
+def read_table(path: Path, said: Sequence[str] = ()) -> SpectralTable:
     """All columns of a file of spectra, whatever its format.
 
     Parameters
     ----------
     path : Path
+    said : sequence of str
+        Units of the axis and of the values where the file states none, or none that is understood:
+        "um", "1/cm", "percent", "fraction".
 
     Raises
     ------
     InputError
         If the file is missing, is of no known format, is damaged, or its wavelengths are not
-        ascending in nm.
+        ascending in nm, or if it states another unit than is said.
     """
+    axis, unit = units.said_units(said)
     content = measurement_table.file_content(path)
     kind = format_of(content, path)
     # what overflows is noted as a gap
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        table = delimited.read_delimited(content, path) if kind == "CSV" else READERS[kind](content,
-                                                                                            path)
+        if kind not in ANY_AXIS and axis not in (None, "nm"):
+            raise InputError(f"{path.name} is a {kind} file, which says where its wavelengths lie; "
+                             f"they cannot be read in {axis}: leave --unit {axis} out")
+        table = ANY_AXIS[kind](content, path, axis) if kind in ANY_AXIS else READERS[kind](content,
+                                                                                           path)
+    if unit is not None:
+        table = _with_unit(table, unit)
     expected = SUFFIXES.get(path.suffix.lower())
     notes = table.notes
     if expected not in (None, kind):
         notes = (f"{path.name} is a {kind} file in spite of its name, and was read as one", *notes)
     return measurement_table.checked_table(
         replace(table, facts={"format": kind, **table.facts}, notes=notes))
+
+
+def _with_unit(table: SpectralTable, said: str) -> SpectralTable:
+    """The table with a unit for columns that state none, or none that is understood.
+
+    Raises
+    ------
+    InputError
+        If every column states one, and not this one.
+    """
+    stated = [table.fact("unit", index) for index in range(len(table.names))]
+    without = [unit is None or (unit != units.COUNTS and units.value_factor(unit) is None)
+               for unit in stated]
+    if not any(without) and not any(unit is not None and units.value_factor(unit)
+                                    == units.value_factor(said) for unit in stated):
+        raise InputError(f"{table.file} states its values in {stated[0]}; they cannot be read in "
+                         "another unit: leave that --unit out")
+    facts = {name: {**table.facts, **table.column_facts.get(name, {})} | ({"unit": said} if lacks
+                                                                          else {})
+             for name, lacks in zip(table.names, without, strict=True)}
+    return replace(table, column_facts={
+        name: {key: value for key, value in each.items() if key in ("unit", "quantity")}
+        for name, each in facts.items()})
 
 
 def format_of(content: bytes, path: Path) -> str:
@@ -371,7 +406,8 @@ def _quantity_and_factor(table: SpectralTable, index: int,
     factor = None if unit is None else units.value_factor(unit)
     if unit is not None and factor is None:
         faults.append(f"{table.file} states the unit {unit!r}, which is not known; known are "
-                      f"{', '.join([*(m.value for m in spectra.Quantity), *KNOWN_UNITS])}")
+                      f"{', '.join([*(m.value for m in spectra.Quantity), *KNOWN_UNITS])}. Where "
+                      f"it is one of these, say so: {units.remedy('percent')}")
     elif unit is not None and not faults and role is spectra.Quantity.REFLECTANCE and (
             units.light_unit(unit) is not None):
         faults.append(f"{table.file} states the unit {unit!r}, which is of light; "
@@ -394,7 +430,8 @@ def _refuse_percent(table: SpectralTable) -> None:
         if MAX_REFLECTANCE < largest <= MAX_PERCENT and table.fact("unit", index) is None:
             of = f" of column {name!r}" if len(table.names) > 1 else ""
             raise InputError(f"{table.file}: a reflectance of {largest:.3g}{of} looks like "
-                             "percent; give fractions of 1, or state '# unit: percent'")
+                             "percent; give fractions of 1, state '# unit: percent', or say it: "
+                             f"{units.remedy('percent')}")
 
 
 def require_fraction(value: float, name: str) -> None:

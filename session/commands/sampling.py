@@ -169,21 +169,21 @@ def uplift(request: requests.UpliftRequest) -> command_line.Answer:
     from spectrabox.session.terminal.progress_display import progress_display, with_time_left
     request, white_from, chart = stated_white(request)
     with progress_display(request.quiet) as progress:
-        facts, text = uplift_answer(request, with_time_left(progress))
+        facts, findings, text = uplift_answer(request, with_time_left(progress))
     white = [float(value) for value in (request.white or "").replace(";", ",").split(",")]
     text += f"\nwhite reads {', '.join(f'{value:.4g}' for value in white)} ({white_from})"
     if request.encoded:
         from spectrabox.measure.signals.signal_capture import OF_SRGB
         facts["caveat"] = texts.says(OF_SRGB)
         text += f"\n{texts.says(OF_SRGB)}"
-    findings = [] if chart is None else [chart.finding]
-    doubts = faults(findings)
     if chart is not None:
-        text += f"\n{'warning: ' * bool(doubts)}{texts.says(chart.finding)}"
+        findings.append(chart.finding)
+    doubts = faults(findings)
+    text += "".join(f"\n{'warning: ' * (one in doubts)}{texts.says(one)}" for one in findings)
     return command_line.Answer(facts | {
         "white": white, "white_from": white_from,
         "chart_residual": None if chart is None else chart.residual,
-        "warnings": [*facts["warnings"], *map(texts.says, doubts)],
+        "warnings": [texts.says(one) for one in doubts],
         "findings": [texts.facts(one) for one in findings]}, text)
 
 

@@ -60,6 +60,10 @@ def convert(
         metavar="COLUMN", help="Name or number of one column.")] = None,
     quantity: Annotated[str | None, typer.Option(
         metavar=QUANTITIES, help="What the spectra are, where the file does not state it.")] = None,
+    unit: Annotated[tuple[str, ...], typer.Option(
+        metavar="UNIT", help="Where the file does not state it, of the values (percent, fraction "
+        "...) or of the wavelengths (nm, um, angstrom, 1/cm, THz, eV); may be given for "
+        "both.")] = (),
     grid: Annotated[str | None, typer.Option(
         metavar="FIRST:LAST:STEP", help="In nm, such as 400:700:5; the file's own by "
         "default.")] = None,
@@ -75,7 +79,7 @@ def convert(
     facts, lines = [], []
     for path in files:
         target = out / f"{path.stem}{suffix}" if len(files) > 1 else out
-        notes = _convert(path, target, column, quantity, grid)
+        notes = _convert(path, target, column, quantity, unit, grid)
         facts.append({"file": target, "notes": notes})
         lines += [f"wrote {target}", *(f"- {note}" for note in notes)]
     return command_line.Answer({"written": facts}, "\n".join(lines))
@@ -156,7 +160,7 @@ def _one(table: SpectralTable, column: str | None, role: Quantity) -> Spectrum:
 
 
 def _convert(path: Path, target: Path, column: str | None, quantity: str | None,
-             grid: str | None) -> list[str]:
+             unit: tuple[str, ...], grid: str | None) -> list[str]:
     import numpy as np
 
     from spectrabox.radiometry.files import whole_file, write_text_whole
@@ -164,7 +168,7 @@ def _convert(path: Path, target: Path, column: str | None, quantity: str | None,
     from spectrabox.radiometry.spectra.formats.envi import envi_files
     from spectrabox.radiometry.spectra.spectrum_files import read_table, spectrum_of, table_text
 
-    table = read_table(path)
+    table = read_table(path, unit)
     role = _stated_quantity(table, column, quantity)
     names = [table.main] if column is None and table.main is not None else \
         [table.names[index] for index in _indices(table, column)]

@@ -18,6 +18,7 @@ from spectrabox.measure.pictures.photo_white import (
     require_camera_signal,
 )
 from spectrabox.radiometry import errors, grid
+from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.spectra.named_spectra import relative_response
 from spectrabox.sampling.prior import mixture
 from spectrabox.session.commands.requests import OBSERVER, UpliftRequest
@@ -96,8 +97,9 @@ def uplift_layout(request: UpliftRequest) -> spectra_files.PictureLayout:
     return spectra_files.PictureLayout(request.step, request.full, request.to)
 
 
-def uplift_answer(request: UpliftRequest, progress: StageProgress) -> tuple[dict[str, Any], str]:
-    """JSON object and text of ``spectrabox uplift``, which writes its files.
+def uplift_answer(request: UpliftRequest,
+                  progress: StageProgress) -> tuple[dict[str, Any], list[Finding], str]:
+    """JSON object, findings and text of ``spectrabox uplift``, which writes its files.
 
     Parameters
     ----------
@@ -133,9 +135,9 @@ def uplift_answer(request: UpliftRequest, progress: StageProgress) -> tuple[dict
     paths = spectra_files.write_spectra(blocks, (height, width), request.out, layout,
                           lambda share: progress("spectra", share, ""), source.responses,
                           (COLOUR_ERROR,))
-    return uplift_summary(request, plan, paths, height * width, survey.outside,
-                          uplift.table_error(source, plan, survey, encoded=request.encoded),
-                          sum(off) if request.encoded else None)
+    table = uplift.table_error(source, plan, survey, encoded=request.encoded)
+    return uplift_summary(request, plan, paths, height * width, survey.outside, table,
+                          uplift.colours_off(sum(off), height * width) if request.encoded else None)
 
 
 def image_source(request: UpliftRequest) -> uplift.ImageSource:
@@ -161,9 +163,9 @@ def image_source(request: UpliftRequest) -> uplift.ImageSource:
 
 
 def uplift_summary(request: UpliftRequest, plan: pixel_spectra.SpectraPlan, paths: dict[str, Path],
-                   pixels: int, outside: int, table_error: tuple[float, float] | None = None,
-                   colours_off: int | None = None) -> tuple[dict[str, Any], str]:
-    """JSON object and text of an image whose spectra are written.
+                   pixels: int, outside: int, table: Finding | None, colours: Finding | None
+                   ) -> tuple[dict[str, Any], list[Finding], str]:
+    """JSON object, findings and text of an image whose spectra are written.
 
     Parameters
     ----------
@@ -175,34 +177,20 @@ def uplift_summary(request: UpliftRequest, plan: pixel_spectra.SpectraPlan, path
         Of the image.
     outside : int
         Pixels with a band outside 0 to 1.
-    table_error : (median, largest) or None
-        CIEDE2000 of spectra of the table, where there was one.
-    colours_off : int or None
-        Pixels of a picture in sRGB whose spectra have not their colour.
+    table : Finding or None
+        Of the table, where there was one.
+    colours : Finding or None
+        Of the colours of a picture in sRGB.
     """
     mean_nm, deviation_nm = plan.kept.nm
     facts = {**{name: str(path) for name, path in paths.items()},
              "pixels": pixels, "outside_0_to_1": outside / pixels,
              "wavelengths_nm": mean_nm.tolist(), "standard_deviation_nm": deviation_nm.tolist(),
              "pixel_type": uplift_layout(request).pixel_type,
-             "table_delta_e00": None if table_error is None else
-             {"median": table_error[0], "largest": table_error[1]},
-             "colours_off": None if colours_off is None else colours_off / pixels, "warnings": []}
-    told = ""
-    if table_error is not None:
-        told = (f"\nthe table's spectra ({request.side} points a side) differ from those computed "
-                f"one by one by {table_error[0]:.2f} CIEDE2000 in the median, {table_error[1]:.2f} "
-                "at most")
-    if table_error is not None and table_error[1] > uplift.MAX_TABLE_ERROR:
-        facts["warnings"].append(
-            f"spectra of this table are off by up to {table_error[1]:.1f} CIEDE2000: take a larger "
-            f"--side than {request.side}, such as {2 * request.side - 1}")
-    if colours_off:
-        facts["warnings"].append(
-            f"{colours_off} of {pixels} pixels have spectra whose colour is more than "
-            f"{uplift.MAX_COLOUR_ERROR:g} CIEDE2000 from theirs: no reflectance that was found has "
-            "it")
-    told += "".join(f"\nwarning: {each}" for each in facts["warnings"])
-    return facts, (f"wrote {' and '.join(str(path) for path in paths.values())}; "
-                   f"{100 * outside / pixels:.1f} % of pixels lie outside what a reflectance "
-                   "between 0 and 1 can give and were taken at the edge" + told)
+             "table_delta_e00": None if table is None else
+             {key: table.values[key] for key in ("median", "largest", "beyond")},
+             "colours_off": None if colours is None else colours.values["pixels"] / pixels}
+    return facts, [one for one in (table, colours) if one is not None], (
+        f"wrote {' and '.join(str(path) for path in paths.values())}; "
+        f"{100 * outside / pixels:.1f} % of pixels lie outside what a reflectance between 0 and 1 "
+        "can give and were taken at the edge")

@@ -118,6 +118,7 @@ def _title(name: str) -> str:
 
 # ---- CSV and its relatives: a table of numbers inside a text -------------------------------------
 
+MAX_FIRST_NM = 2600.0       # where tables in nm begin below, unless they say that they are in nm
 MIN_ACROSS = 5              # wavelengths of a header that is taken for one of them
 SVC = "/*** Spectra Vista SIG Data"     # HR-512i, HR-768, HR-1024i manuals: the columns of .sig
 SVC_NAMES = ("wavelength", "reference", "target", "reflectance")
@@ -127,7 +128,8 @@ SVC_FACTS = {"reference": {"unit": "counts"}, "target": {"unit": "counts"},
 JAZ, JAZ_IRRADIANCE = {"D", "R", "S", "P"}, "Absolute Irradiance File"
 
 
-def read_delimited(content: bytes, path: Path) -> measurement_table.SpectralTable:
+def read_delimited(content: bytes, path: Path,
+                   axis_unit: str | None = None) -> measurement_table.SpectralTable:
     """All columns of the table inside a text; its axis is brought to nm.
 
     Parameters
@@ -135,6 +137,8 @@ def read_delimited(content: bytes, path: Path) -> measurement_table.SpectralTabl
     content : bytes
     path : Path
         Its name, for errors.
+    axis_unit : str, optional
+        Of the axis, where the text states none that is understood.
 
     Raises
     ------
@@ -147,7 +151,9 @@ def read_delimited(content: bytes, path: Path) -> measurement_table.SpectralTabl
     _check_size(lines, path.name)
     across = _wavelengths_across(lines)
     if across is not None:
-        return measurement_table.SpectralTable(across[1], across[0], across[2], facts, path.name)
+        return measurement_table.SpectralTable(
+            units.axis_in_nm(across[1], None, axis_unit, path.name), across[0], across[2], facts,
+            path.name)
     table = text_table.find_table(lines, path.name)
     columns = table.numbers.shape[1]
     header = (table.header + [""] * columns)[:columns]
@@ -169,7 +175,7 @@ def read_delimited(content: bytes, path: Path) -> measurement_table.SpectralTabl
             column_facts["P"] = {"unit": "uW cm-2 nm-1", "quantity": "irradiance"}
     main = _meant(names, column_facts)
     nm = _wavelengths_nm(table, header, axis, path.name, [
-        facts.get("unit"), *(stated.get("unit") for stated in column_facts.values())])
+        facts.get("unit"), *(stated.get("unit") for stated in column_facts.values())], axis_unit)
     return measurement_table.SpectralTable(
         nm, tuple(names), table.numbers[:, kept].T.reshape(len(kept), nm.size), facts, path.name,
         main, column_facts, table.notes)
@@ -230,7 +236,7 @@ def _axis_column(header: list[str], unit_row: list[str]) -> int:
 
 
 def _wavelengths_nm(table: text_table.TextTable, header: list[str], axis: int, name: str,
-                    value_units: list[str | None]) -> np.ndarray:
+                    value_units: list[str | None], said: str | None) -> np.ndarray:
     """Wavelengths (P,) in nm by the unit that the table states nearest to its numbers.
 
     Raises
@@ -242,15 +248,20 @@ def _wavelengths_nm(table: text_table.TextTable, header: list[str], axis: int, n
               if table.unit_row and axis < len(table.unit_row) else (None, None),
               units.stated_axis(header[axis]) if header else (None, None),
               units.stated_axis(table.stated_x or "", is_unit=True)]
-    unit, unknown = next((each for each in stated if each != (None, None)), ("nm", None))
-    if unit is None:
+    unit, unknown = next((each for each in stated if each != (None, None)), (None, None))
+    if unknown is not None and said is None:
         faults = [f"its wavelength axis states {unknown!r}, which is not understood"]
         faults += [f"its values state the unit {text!r}, which is not understood"
                    for text in dict.fromkeys(value_units)
                    if text is not None and units.value_factor(text) is None]
         raise InputError(f"{name}: {'; '.join(faults)}; an axis in {', '.join(units.TO_NM)} is "
-                         "read")
-    return units.to_nm(table.numbers[:, axis], unit)
+                         f"read: where it is one of these, say so: {units.remedy('um')}")
+    wavelengths = table.numbers[:, axis]
+    if unit is None and said is None and np.nanmin(wavelengths, initial=np.inf) > MAX_FIRST_NM:
+        raise InputError(f"{name} states no unit of its wavelengths, which go from "
+                         f"{np.nanmin(wavelengths):g} to {np.nanmax(wavelengths):g}: say which it "
+                         f"is, angstrom, 1/cm or nm: {units.remedy('1/cm')}")
+    return units.axis_in_nm(wavelengths, unit, said, name)
 
 
 def _column_facts(table: text_table.TextTable, kept: list[int], names: list[str],

@@ -24,7 +24,8 @@ def is_envi_header(content: bytes) -> bool:
     return content[:200].lstrip(b"\xef\xbb\xbf").startswith(b"ENVI") and b"=" in content
 
 
-def read_envi(content: bytes, path: Path) -> measurement_table.SpectralTable:
+def read_envi(content: bytes, path: Path,
+              axis: str | None = None) -> measurement_table.SpectralTable:
     """Every spectrum of a library, given its header or its binary file.
 
     Parameters
@@ -80,7 +81,7 @@ def read_envi(content: bytes, path: Path) -> measurement_table.SpectralTable:
         if numbers is not None:
             notes.append(f"the header's {key} of the bands, {numbers.min():g} to "
                          f"{numbers.max():g}, were applied")
-    return replace(_table(keys, values, header_path.name), notes=tuple(notes))
+    return replace(_table(keys, values, header_path.name, axis), notes=tuple(notes))
 
 
 def _per_band(keys: dict[str, str], key: str, bands: int, name: str) -> np.ndarray | None:
@@ -125,7 +126,8 @@ def envi_files(nm: np.ndarray, columns: dict[str, np.ndarray], *, quantity: Quan
     return "\n".join(lines) + "\n", np.array(list(columns.values()), dtype="<f8").tobytes()
 
 
-def _table(keys: dict[str, str], values: np.ndarray, name: str) -> measurement_table.SpectralTable:
+def _table(keys: dict[str, str], values: np.ndarray, name: str,
+           axis: str | None) -> measurement_table.SpectralTable:
     stated = keys.get("wavelength units", "").strip()
     unit = units.axis_unit(stated)
     wavelengths = np.array(
@@ -133,9 +135,10 @@ def _table(keys: dict[str, str], values: np.ndarray, name: str) -> measurement_t
     if wavelengths.size != values.shape[1] or not np.all(np.isfinite(wavelengths)):
         raise InputError(f"{name} lists {wavelengths.size} wavelengths for {values.shape[1]} "
                          "bands; correct the header")
-    if unit is None:
+    if unit is None and axis is None:
         raise InputError(f"{name}: the wavelength unit {stated or 'nothing'!r} is not known; state "
-                         f"one of {', '.join(units.TO_NM)}, as 'wavelength units = nm'")
+                         f"one of {', '.join(units.TO_NM)}, as 'wavelength units = nm', or say it: "
+                         f"{units.remedy('nm')}")
     names = [cell.strip() for cell in keys.get("spectra names", "").split(",")]
     if len(names) != values.shape[0]:
         names = [f"spectrum {index}" for index in range(1, values.shape[0] + 1)]
@@ -145,7 +148,7 @@ def _table(keys: dict[str, str], values: np.ndarray, name: str) -> measurement_t
                   if other in keys})
     if "reflectance scale factor" in keys and "quantity" not in facts:
         facts.update(quantity="reflectance", unit="1")
-    return measurement_table.SpectralTable(units.to_nm(wavelengths, unit),
+    return measurement_table.SpectralTable(units.axis_in_nm(wavelengths, unit, axis, name),
                                            measurement_table.distinct(names), values, facts, name)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import Quantity
+from spectrabox.radiometry.spectra.formats import units
 
 MIN_NM, MAX_NM = 100.0, 1e5
 MAX_FILE_BYTES = 1_000_000_000
@@ -92,10 +93,10 @@ def checked_table(table: SpectralTable) -> SpectralTable:
                       if nm[at + 1] < nm[at] else
                       f"{nm[at]:g} nm stands twice, with different values")
     if nm.min() < MIN_NM or nm.max() > MAX_NM:
-        guess = "; micrometres are read where the header says so, as 'wavelength (um)'" \
-            if nm.min() >= 0.1 and nm.max() < 20 else ""
+        unit = "um" if nm.min() >= 0.1 and nm.max() < 20 else "1/cm"
         faults.append(f"wavelengths from {nm.min():g} to {nm.max():g} cannot be in nm; give them "
-                      f"in nm{guess}")
+                      f"in nm, state the unit in the header, as 'wavelength ({unit})', or say it, "
+                      f"um, 1/cm, eV or another: {units.remedy(unit)}")
     if faults:
         raise InputError(f"{table.file}: {'; '.join(faults)}")
     steps = np.diff(nm)

@@ -7,9 +7,11 @@ is returned as it stands, so that the reader can refuse it by its name.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
+
+from spectrabox.radiometry.errors import InputError
 
 SPEED_OF_LIGHT_NM_THZ = 299_792.458     # c, exact in SI
 PLANCK_EV_NM = 1_239.841984             # h c / e (CODATA 2018)
@@ -80,6 +82,64 @@ def to_nm(axis: np.ndarray, unit: str) -> np.ndarray:
     """
     with np.errstate(over="ignore"):
         return np.round(TO_NM[unit](np.where(axis > 0, axis, np.nan)), 9)
+
+
+def axis_in_nm(axis: np.ndarray, stated: str | None, said: str | None,
+               name: str) -> np.ndarray:
+    """As ``to_nm``, by the unit that a file states, else by what is said of it, else in nm.
+
+    Parameters
+    ----------
+    axis : (P,) array
+    stated : str or None
+        Of ``TO_NM``.
+    said : str or None
+        What the caller says of a file that states none, or none that is understood.
+    name : str
+        Of the file, for errors.
+
+    Raises
+    ------
+    InputError
+        If the two contradict each other.
+    """
+    if stated is not None and said not in (None, stated):
+        raise InputError(f"{name} states its wavelength axis in {stated}; it cannot be read in "
+                         f"{said}: leave --unit {said} out")
+    return to_nm(axis, stated or said or "nm")
+
+
+def remedy(unit: str) -> str:
+    """How a person says what a file does not state."""
+    return f"spectrabox spectrum convert FILE --unit {unit} -o NEW.csv"
+
+
+def said_units(words: Sequence[str]) -> tuple[str | None, str | None]:
+    """The unit of an axis and that of values that a person says; None of what is not said.
+
+    Parameters
+    ----------
+    words : sequence of str
+        Such as "percent", "1/cm" or "uW/cm2/nm".
+
+    Raises
+    ------
+    InputError
+        If one is not understood, or two are said of the same.
+    """
+    axis: str | None = None
+    values: str | None = None
+    for word in words:
+        of_axis, of_values = axis_unit(word), _value_unit(_plain(word))
+        if of_axis is None and (of_values is None or value_factor(of_values) is None):
+            raise InputError(f"the unit {word!r} is not understood; of wavelengths "
+                             f"{', '.join(TO_NM)} are, of values {PERCENT}, fraction, {RELATIVE} "
+                             "and those of light, such as uW/cm2/nm")
+        if (axis if of_axis else values) not in (None, of_axis or of_values):
+            raise InputError(f"two units are said of {'the axis' if of_axis else 'the values'}: "
+                             f"{' and '.join(words)}")
+        axis, values = (of_axis, values) if of_axis else (axis, of_values)
+    return axis, values
 
 
 def axis_unit(text: str) -> str | None:
