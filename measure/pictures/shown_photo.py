@@ -19,7 +19,6 @@ from spectrabox.measure.pictures.crop import crop_of, node_grid
 from spectrabox.measure.profiles import colour_profile
 from spectrabox.measure.regions import white as whites
 from spectrabox.radiometry import appearance
-from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.interreflection import relative_response
 from spectrabox.radiometry.profile_files import SRGB
@@ -94,10 +93,7 @@ def calibrated_look(photo: whites.FlatPhoto, known: Mapping[str, np.ndarray],
     photo = dataclasses.replace(photo, samples=samples)
     crop = crop_of(photo.image, None)
     nodes_px, _ = node_grid(crop, COLUMNS)
-    try:
-        white = whites.white_at_regions(photo, known, errors, nodes_px)
-    except CheckError:          # a known region that contradicts the light, which is said elsewhere
-        white = whites.white_by_chart(photo, errors, nodes_px)
+    white = whites.white_at_regions(photo, known, errors, nodes_px)
     assert white is not None, "samples may be none, and are given"
     x_px, y_px = np.unique(nodes_px[:, 0]), np.unique(nodes_px[:, 1])
     log_light = white.log_field[len(samples.names):].reshape(len(y_px), len(x_px))

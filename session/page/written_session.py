@@ -142,7 +142,7 @@ def mark_faults(config: SessionConfig, kind: str, name: str, photos: PhotoViews)
         elif kind == "box corners":
             scene_of(captures.stated_scene(config, config.inputs))
     except SpectraboxError as error:
-        return str(error).splitlines()
+        return list(error.faults)
     return []
 
 
