@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.calibrate import chart_equations, light_field
+from spectrabox.measure.captured import FIRST_PHOTO
 from spectrabox.radiometry import chart, error_model, grid, interreflection, light_scale
 from spectrabox.radiometry.covariance import common_variance, symmetric
 from spectrabox.radiometry.errors import InputError
@@ -269,7 +270,7 @@ def white_told_by(photo: FlatPhoto, white: PhotoWhite, known: Mapping[str, np.nd
     model = errors.disagreement.among_bands(white.glare.size)
     told = condition_on_known(white, signals, {
         name: error_model.proportional_covariance(signal, model + errors.known[name]**2)
-        for name, signal in signals.items()}, photo.name)
+        for name, signal in signals.items()}, "" if photo.name == FIRST_PHOTO else photo.name)
     return dataclasses.replace(told, left_out=(*told.left_out, *(
         Finding("flat.known-on-chart", Severity.WARN, name) for name in known if name in on_chart)))
 
@@ -373,7 +374,7 @@ def condition_on_known(white: PhotoWhite, known: Mapping[str, np.ndarray],
     errors : mapping
         From the same names to its covariance (K, K) beside noise: statement, curves, model.
     photo : str
-        Its title, for what is said of regions that are left out.
+        Its title, for what is said of regions that are left out; empty of the first.
     """
     misfits, left_out = {}, []
     for name in known:
