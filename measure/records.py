@@ -111,7 +111,8 @@ class RegionLight(Record):
 
     level: Annotated[np.ndarray, "R"]           # relative to the chart's mean
     error: Annotated[np.ndarray, "R"]           # relative
-    level_misfits: Annotated[np.ndarray, "M"]   # of known regions, in standard errors
+    # of known regions that tell of the light, by name, in standard errors
+    level_misfits: dict[str, float]
     over_photo: Annotated[np.ndarray, "2 H W"]  # level and error
 
 

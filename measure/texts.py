@@ -762,6 +762,13 @@ METERS: dict[str, Text] = {
 
 # ---- flat samples --------------------------------------------------------------------------------
 
+def _left_out(sentence: Template, remedy: str, shown: str = "") -> Text:
+    """Of a known region that contradicts the photo."""
+    return Text("Known region left out of the calculation", lambda values:
+                f"{_filled_with(sentence, values)}: it was left out of the calculation, and says "
+                "nothing of the light.", remedy, shown, "none")
+
+
 FLAT: dict[str, Text] = {
     "flat.right": Text("", lambda values: "Chart, light and regions show no fault."
                        + _weak_words(values)),
@@ -774,6 +781,21 @@ FLAT: dict[str, Text] = {
         "spectrum, is {value:.1f} standard errors from what the chart's light gives.",
         lambda values: "Check its stated reflectance, and for a shadow on it or on the chart."
         if values["beyond"] else "", "{value:.1f} standard errors", "pass up to {passes:.0f}"),
+    "flat.known-other-level": _left_out(
+        "“{subject}” is stated to reflect {stated:.2f} and reads {read:.2f} in the chart's "
+        "light{where}, {errors:.0f} standard errors away",
+        "State the right reflectance, or take chart and samples under one light, without a shadow "
+        "on either.", "{errors:.0f} standard errors"),
+    "flat.known-other-colour": _left_out(
+        lambda values: f"“{values['subject']}” reads {words.percent(abs(values['off']), 0)} "
+        f"{'less' if values['off'] < 0 else 'more'} in band {values['band']} than its stated "
+        f"spectrum gives in the chart's light{values['where']}: that is another's, or chart and "
+        "samples were photographed under different light",
+        "Correct the stated spectrum, or take both under one light.", "{off:+.0%}"),
+    "flat.known-on-chart": _left_out(
+        "“{subject}” lies on the chart, whose patches are used already and say nothing of the "
+        "light on the samples",
+        "Outline a white card beside the samples, or remove this one."),
     "flat.scatter": Text(
         "Scatter of pixels beyond noise and light", lambda values:
         f"The pixels of “{values['subject']}” scatter by {words.percent(values['value'])} beyond "

@@ -121,8 +121,8 @@ def checked(model: type[SomeTable], written: Any, file: str) -> SomeTable:
     try:
         return model.model_validate(written)
     except ValidationError as error:
-        raise errors.InputError("\n".join(f"{file}: {sentence}"
-                                   for sentence in fault_sentences(error, model))) from None
+        raise errors.InputError(*(f"{file}: {sentence}"
+                                  for sentence in fault_sentences(error, model))) from None
 
 
 def fault_sentences(error: ValidationError, model: type[Table]) -> list[str]:

@@ -7,13 +7,25 @@ from spectrabox.radiometry.system.words import message
 
 
 class SpectraboxError(Exception):
-    """Base of all errors whose message is one clear sentence for the operator."""
+    """Base of all errors whose message is clear sentences for the operator.
+
+    Parameters
+    ----------
+    *faults : str
+        What is wrong, each once, one sentence for each thing to put right; most errors have one.
+
+    Attributes
+    ----------
+    faults : tuple of str
+        The same; the message has each on a line of its own.
+    """
 
     exit_code = 1
 
-    def __init__(self, sentence: str) -> None:
+    def __init__(self, *faults: str) -> None:
         # here for all: no error of ours repeats a control character or a whole file
-        super().__init__(message(sentence))
+        self.faults = tuple(dict.fromkeys(map(message, faults)))
+        super().__init__("\n".join(self.faults))
 
 
 class InputError(SpectraboxError):

@@ -104,7 +104,7 @@ def check_session(folder: Path, allow_outside: bool = False, device: str = DEVIC
         try:
             return read(*arguments)
         except errors.SpectraboxError as error:
-            raised = [Problem(line, error.exit_code) for line in str(error).splitlines()]
+            raised = [Problem(fault, error.exit_code) for fault in error.faults]
             problems.extend(one for one in raised if one not in problems)
             return None
 

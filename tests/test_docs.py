@@ -399,6 +399,24 @@ def test_the_index_leads_to_every_page():
         assert f"({page.relative_to(ROOT / 'docs').as_posix()})" in index
 
 
+def test_the_accuracy_in_the_readme_is_that_of_the_ledger():
+    readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    ledger = tomllib.loads((ROOT / "docs" / "results" / "ledger.toml").read_text(encoding="utf-8"))
+
+    def recorded(row, digits):
+        row = ledger[f"simulated/{row}"]
+        return " ± ".join(f"{row[key]:.{digits}f}" for key in ("value", "standard_error"))
+    assert f"colours are right within {recorded('faultless/dE00', 1)} ΔE00" in readme
+    spectra = recorded("faultless/RMSE", 3).replace("0.", ".")
+    assert f"spectra within {spectra} (root mean square" in readme
+    held = ledger["simulated/faultless/held"]["value"]
+    assert f"hold the truth at {100 * held:.0f} % of wavelengths" in readme
+    faults = [ledger[f"simulated/{fault}/dE00"]["value"] for fault in ("gloss 3 %", "shadow 10 %")]
+    assert [round(value) for value in faults] == [3, 3]
+    assert ("a reflection of 3 % or a shadow of 10 % that no photo shows makes it about 3 ΔE00"
+            in readme)
+
+
 def test_the_reference_of_public_names_is_made_from_their_docstrings():
     made = runpy.run_path(str(ROOT / "docs" / "make_python_reference.py"))
     page = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")

@@ -120,7 +120,9 @@ def test_a_wrong_card_says_so_and_leaves_the_other_spectra(calibrated_flat, open
         page.click(f"{row} .sw")
         page.wait_for_selector(f"{row} .statements .bad:has-text('Not used')")
         assert live.live.region("green_wall")["mean"] == right["mean"]
-        page.wait_for_selector("#verdict.fail")     # and the verdict says what is wrong
+        page.wait_for_selector("#verdict.warn")     # and the verdict says what is wrong
+        found = {one["code"]: one["subject"] for one in live.live.state()["result"]["findings"]}
+        assert found["flat.known-other-level"] == "white_wall"
 
 
 def test_no_verdict_is_shown_before_it_is_settled_and_none_is_cut_off(tmp_path, browser):

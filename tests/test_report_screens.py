@@ -37,6 +37,19 @@ def test_on_a_phone_nothing_is_cut_off_and_no_column_is_a_letter_wide(browser, r
         assert len(widths) > 0 and min(widths) > 250
 
 
+def test_on_a_phone_the_words_of_photo_and_spectra_can_be_read(browser, report):
+    with browser.new_page(viewport={"width": 390, "height": 844}) as page:
+        page.goto(report.as_uri())
+        heights = page.eval_on_selector_all(
+            "#photos svg text", "all => all.map((one) => one.getBoundingClientRect().height)")
+        # a line of text of 8 pixels; they were 5 to 7 high
+        assert heights and min(heights) > 9
+        # what to do stands before what it costs and brings
+        cells = page.eval_on_selector_all(
+            "#next tr:nth-child(1) td", "all => all.map((one) => one.getBoundingClientRect().top)")
+        assert cells == sorted(cells)
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_every_text_can_be_read_in_light_and_dark(browser, report, scheme):
     with browser.new_page(color_scheme=scheme) as page:

@@ -1,4 +1,5 @@
 """What a run would refuse, check says beforehand: a table of faulty sessions through both."""
+import copy
 import json
 from fractions import Fraction
 
@@ -9,7 +10,7 @@ from typer.testing import CliRunner
 from spectrabox.capture.develop import developed
 from spectrabox.capture.photo.raw import read_raw
 from spectrabox.fixtures.dng import write_dng
-from spectrabox.radiometry.errors import SpectraboxError
+from spectrabox.radiometry.errors import InputError, SpectraboxError
 from spectrabox.radiometry.system import archives as memory
 from spectrabox.reconstruct.tracer import transport
 from spectrabox.session.cli import app
@@ -178,6 +179,24 @@ def test_the_faults_of_every_photo_are_said_at_once(captured):
     assert len(said) == 3
     for name in ("box", "chart", "flat"):
         assert any(f"{name}.dng" in sentence for sentence in said)
+
+
+def test_a_run_says_all_faults_that_a_check_lists_and_each_once(captured):
+    for name in ("box", "chart"):
+        (captured / "photos" / f"{name}.dng").write_bytes(b"no raw")
+    (captured / "spectra" / "light.csv").unlink()
+    listed = json.loads(CliRunner().invoke(app, ["check", str(captured), "--json"]).stdout)
+    assert len(listed["problems"]) == 3
+    ran = CliRunner().invoke(app, ["run", str(captured), "--json"])
+    assert ran.exit_code == listed["exit_code"] == InputError.exit_code
+    assert json.loads(ran.stdout)["error"].splitlines() == listed["problems"]
+
+
+def test_a_fault_of_two_lines_is_one_fault():
+    error = InputError("first\nwith another line", "second", "second")
+    assert error.faults == ("first\nwith another line", "second")
+    assert str(error) == "first\nwith another line\nsecond"
+    assert copy.copy(error).faults == error.faults      # as from a worker of a batch
 
 
 @pytest.mark.parametrize("flat", ["missing", "of another size"])

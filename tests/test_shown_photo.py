@@ -7,10 +7,15 @@ import OpenImageIO as oiio
 import pytest
 from served_page import asked, opened_in, served, wait_for, wait_ready
 
-from spectrabox.measure.pictures.shown_photo import camera_look
+from spectrabox.fixtures import paints
+from spectrabox.measure.pictures.shown_photo import camera_look, scene_look
 from spectrabox.radiometry import appearance
+from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.interreflection import response_matrix
 from spectrabox.radiometry.profile_files import SRGB
+from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.session.config.session_file import read_session
+from spectrabox.session.kept_stages import load_finished
 from spectrabox.session.outputs.session_results import calibrated_picture, session_results
 from spectrabox.session.pipeline import run_stages
 from spectrabox.session.report.page import render_report
@@ -111,6 +116,58 @@ def test_the_page_shows_the_colours_of_its_swatches_and_a_switch_the_raw_photo(p
         page.keyboard.press("o")
         page.wait_for_selector(f"body[data-look={look}]")
         assert page.get_attribute("#canvas", "data-view") == before     # it lies where it lay
+
+
+def scene_photo(calibration, spectra, brightness):
+    """Signals (1, 2 N, 3) of surfaces (N, P) under even light, and as many pixels of white."""
+    relative = np.vstack([spectra, np.ones_like(spectra)]) @ response_matrix(
+        FINE_GRID, calibration.sensitivity.curves,
+        spectrum_on_grid(calibration.light, FINE_GRID)).T
+    return brightness * relative[None]
+
+
+def test_a_scene_has_the_colours_of_its_surfaces_as_bright_as_its_brightest_part(finished_demo):
+    calibration = load_finished(read_session(finished_demo)).records.calibrate.calibrations[""]
+    spectra = np.array([np.interp(FINE_GRID.nm, paints.NM, paints.paint(name)[1])
+                        for name in ("red_wall", "green_wall", "cube", "white_wall")])
+    labs = []
+    for brightness in (1e-3, 0.4):
+        signal = scene_photo(calibration, spectra, brightness)
+        look = scene_look(calibration, signal)
+        linear = look.linear(signal.astype(np.float32), np.arange(8), np.arange(1))
+        labs.append(lab_of_code_values(255 * appearance.encode_srgb(linear[0])))
+    true = np.array([appearance.reflectance_to_lab(FINE_GRID.nm, one) for one in spectra])
+    difference = [float(appearance.ciede2000(*pair))
+                  for pair in zip(labs[0][:4], true, strict=True)]
+    assert np.median(difference) < MAX_MEDIAN
+    # colours out of the screen's range would be cut where the exposure says; single precision
+    np.testing.assert_allclose(labs[0], labs[1], atol=1e-2)
+    assert scene_look(calibration, signal[..., :1]) is None
+
+
+def test_the_page_shows_photos_of_a_scene_as_calibrated_and_says_so(finished, browser):
+    with served(finished) as (address, _), opened_in(browser) as opened:
+        page = opened(address)
+        for role in ("photo", "chart"):
+            page.click(f"#photos >> text={role}")
+            page.wait_for_selector(f"body[data-photo={role}][data-look^=relative]")
+            assert "calibrated colours" in page.inner_text("#shown")
+            tile = f"{address}/api/tile?role={role}&halvings=0&column=0&row=0"
+            tiles = [asked(f"{tile}&look={look}")[1]
+                     for look in (page.get_attribute("body", "data-look"), "raw")]
+            assert tiles[0] != tiles[1]
+        # what is measured of a scene are its materials: no tool offers regions, and no hint does
+        assert page.locator("[data-mode=region], [data-mode=polygon]").filter(
+            visible=True).count() == 0
+        assert page.inner_text("#marks-empty").endswith("in the report.")
+        page.keyboard.press("r")
+        assert page.get_attribute("[data-mode=region]", "aria-pressed") == "false"
+        # of another light the calibration no longer is that of the photo
+        text = (finished / "session.toml").read_text(encoding="utf-8")
+        other = re.sub(r"(?m)^seed = \d+", "seed = 12345", text)
+        assert other != text
+        (finished / "session.toml").write_text(other, encoding="utf-8")
+        page.wait_for_selector("body:not([data-look^=relative])")
 
 
 def test_another_white_card_gives_other_colours(calibrated_flat):

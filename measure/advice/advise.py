@@ -177,7 +177,7 @@ def _of_flat_sample(sample: flat_actions.FlatPhotos, surface: _Surface) -> list[
     name = unknown.signals.names[0]
     forecasts: dict[str, Callable[[], Outlook]] = {
         CHART_NEARER: lambda: outlook_after(unknown, flat_actions.with_chart_nearer(sample, name))}
-    if not capture.known:
+    if not sample.known:
         forecasts[WHITE_CARD] = lambda: outlook_after(unknown,
                                                       flat_actions.with_white_card(sample, name))
     if not capture.development.flat_fields:

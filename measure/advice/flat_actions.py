@@ -23,7 +23,7 @@ from spectrabox.measure.regions.white import (
     white_by_chart,
     white_told_by,
 )
-from spectrabox.measure.steps.signals import flat_errors, flat_photos
+from spectrabox.measure.steps.signals import flat_errors, flat_photos, known_of_signals
 from spectrabox.radiometry import error_model, grid
 from spectrabox.radiometry.records import spectra
 from spectrabox.radiometry.records.photos import RegionSamples
@@ -43,6 +43,7 @@ class FlatPhotos:
     photos: list[FlatPhoto]
     errors: FlatErrors
     bands: tuple[str, ...]
+    known: Mapping[str, np.ndarray]     # reflectances of the regions that tell of the light
 
     @cached_property
     def whites(self) -> list[PhotoWhite | None]:
@@ -79,7 +80,7 @@ class FlatPhotos:
             Whether there is one photo more, under the first lamp in another place.
         """
         region = place + name
-        photos, known = self.photos, dict(self.capture.known)
+        photos, known = self.photos, dict(self.known)
         whites = self.whites_by_flat_field if flat_field else self.whites
         if moved:
             photos = [*photos, replace(photos[0], name=MOVED, lamp=MOVED, moved=True)]
@@ -105,7 +106,7 @@ def flat_photos_of(capture: FlatCapture, records: CaptureRecords) -> FlatPhotos:
         Of the steps up to the signals.
     """
     return FlatPhotos(capture, flat_photos(capture, records), flat_errors(capture, records),
-                      capture.band_names(records.photo.bands))
+                      capture.band_names(records.photo.bands), known_of_signals(capture, records))
 
 
 def with_white_card(sample: FlatPhotos, name: str) -> spectra.SurfaceSignals:

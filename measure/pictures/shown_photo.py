@@ -18,18 +18,18 @@ from spectrabox.capture.photo import preview
 from spectrabox.measure.pictures.crop import crop_of, node_grid
 from spectrabox.measure.profiles import colour_profile
 from spectrabox.measure.regions import white as whites
-from spectrabox.radiometry import appearance
-from spectrabox.radiometry.errors import CheckError
+from spectrabox.radiometry import appearance, interreflection
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.interreflection import relative_response
 from spectrabox.radiometry.profile_files import SRGB
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.photos import LinearImage, RegionSamples
+from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.sampling.prior import mixture
 
 LIGHT = "D65"
 SURFACES = 3000             # of the prior, that the transform is fitted to
 COLUMNS = 24                # of the nodes at which the light is computed
+BRIGHTEST = 99              # percentile of a photo of a scene that is shown as white
 DARKEST = 1e-6              # of white: below, roots of a signal are those of this
 BANDS = 3                   # of a camera whose photos have colours of their own
 
@@ -94,10 +94,7 @@ def calibrated_look(photo: whites.FlatPhoto, known: Mapping[str, np.ndarray],
     photo = dataclasses.replace(photo, samples=samples)
     crop = crop_of(photo.image, None)
     nodes_px, _ = node_grid(crop, COLUMNS)
-    try:
-        white = whites.white_at_regions(photo, known, errors, nodes_px)
-    except CheckError:          # a known region that contradicts the light, which is said elsewhere
-        white = whites.white_by_chart(photo, errors, nodes_px)
+    white = whites.white_at_regions(photo, known, errors, nodes_px)
     assert white is not None, "samples may be none, and are given"
     x_px, y_px = np.unique(nodes_px[:, 0]), np.unique(nodes_px[:, 1])
     log_light = white.log_field[len(samples.names):].reshape(len(y_px), len(x_px))
@@ -123,19 +120,27 @@ def camera_look(camera_from_xyz: np.ndarray | None, white: tuple[float, ...]) ->
     return _under_even_light(transforms.stated_transform(camera_from_xyz), np.array(white))
 
 
-def look_of_white(calibration: Calibration, white: np.ndarray) -> PhotoLook | None:
-    """A photo of which nothing is known but its calibration and what white reads in it, as of a
-    scene; None of a camera of other than three bands.
+def scene_look(calibration: Calibration, signal: np.ndarray) -> PhotoLook | None:
+    """A photo of a scene, whose light is another everywhere, in the colours that its calibration
+    gives, as bright as its brightest part allows; None of a camera of other than three bands.
 
     Parameters
     ----------
     calibration : Calibration
-    white : (K,) array
-        Signal of white.
+    signal : (H, W, K) array
+        Of the photo, at any size.
     """
-    if len(white) != BANDS:
+    if signal.shape[2] != BANDS:
         return None
-    return _under_even_light(daylight_transform(calibration), white)
+    of_light = interreflection.white_signal(interreflection.response_matrix(
+        calibration.sensitivity.grid, calibration.sensitivity.curves,
+        spectrum_on_grid(calibration.light, calibration.sensitivity.grid)))
+    look = _under_even_light(daylight_transform(calibration), of_light)
+    height, width = signal.shape[:2]
+    linear = look.linear(np.nan_to_num(signal), np.arange(width), np.arange(height))
+    # terms of a transform are of degree 1: of a light so much brighter all colours are as much less
+    brightest = max(float(np.percentile(linear, BRIGHTEST)), DARKEST)
+    return dataclasses.replace(look, white=of_light * brightest)
 
 
 def _under_even_light(transform: transforms.ColourTransform, white: np.ndarray) -> PhotoLook:
@@ -160,7 +165,7 @@ def daylight_transform(calibration: Calibration) -> transforms.ColourTransform:
         If its bands are too alike.
     """
     grid = calibration.sensitivity.grid
-    response = relative_response(calibration, grid) @ interpolation_matrix(
+    response = interreflection.relative_response(calibration, grid) @ interpolation_matrix(
         mixture.PRIOR_GRID.nm, grid.nm)
     surfaces = mixture.drawn_reflectances(mixture.load_prior(), SURFACES)
     weights = appearance.tristimulus_weights(mixture.PRIOR_GRID.nm, LIGHT)

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from spectrabox.capture.photo import preview, regions, registration
-from spectrabox.measure import captured, opened_photos
+from spectrabox.measure import captured, opened_photos, texts
 from spectrabox.measure.pictures import shown_photo
 from spectrabox.measure.records import CaptureRecords, PhotoRecords
 from spectrabox.measure.regions import flat_signals, white
@@ -91,21 +91,22 @@ class PointedSample:
 
     @cached_property
     def doubted_known(self) -> dict[str, str]:
-        """Regions of known spectrum that contradict the light of the chart, or those before them,
-        and what is wrong with each: nothing is concluded from them.
+        """Regions of known spectrum of which nothing is concluded, and what is wrong with each:
+        they cannot be read, or contradict the light of the chart, or those before them.
         """
-        doubted: dict[str, str] = {}
+        unread = {}
         for name in self.capture.known:
-            known = {other: spectrum for other, spectrum in self.capture.known.items()
-                     if other not in doubted}
-            known = dict(list(known.items())[:list(known).index(name) + 1])
             try:
-                for view, photo in zip(self.capture.views, self.calibrated.photos, strict=True):
-                    white.white_at_regions(replace(photo, samples=self._sampled(
-                        self.capture, view, known)), known, self.errors)
+                for view in self.capture.views:
+                    self._sampled(self.capture, view, (name,))
             except CheckError as error:
-                doubted[name] = str(error)
-        return doubted
+                unread[name] = str(error)
+        known = {name: spectrum for name, spectrum in self.capture.known.items()
+                 if name not in unread}
+        _, left_out = white.agreeing_known(
+            [replace(photo, samples=self._sampled(self.capture, view, known)) for view, photo
+             in zip(self.capture.views, self.calibrated.photos, strict=True)], known, self.errors)
+        return unread | {finding.subject: texts.says(finding) for finding in left_out}
 
     @property
     def _known(self) -> dict[str, np.ndarray]:

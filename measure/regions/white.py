@@ -9,15 +9,17 @@ is one Gaussian. Regions of known spectrum, white cards, condition it.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from spectrabox.calibrate import chart_equations, light_field
+from spectrabox.measure.captured import FIRST_PHOTO
 from spectrabox.radiometry import chart, error_model, grid, interreflection, light_scale
 from spectrabox.radiometry.covariance import common_variance, symmetric
-from spectrabox.radiometry.errors import CheckError, InputError
+from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.calibration import Calibration, ChartWhite
 from spectrabox.radiometry.records.photos import LinearImage, RegionSamples
 
@@ -90,8 +92,10 @@ class PhotoWhite:
     causes: tuple[str, ...]
     mean: np.ndarray                    # (Z,) corrections to the above
     covariance: np.ndarray              # (Z, Z)
-    # of each known region: how far its level is from the light's, in standard errors of both
+    # of each known region that tells of the light: how far its level is from the light's, in
+    # standard errors of both
     level_misfits: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    left_out: tuple[Finding, ...] = ()  # of each known region of which nothing is concluded: why
 
     @property
     def level_part(self) -> slice:
@@ -124,11 +128,12 @@ class PhotoWhite:
         light = self.field_part.start
         kept = np.r_[:light, [light + row for row in rows], self.field_part.stop:self.mean.size]
         of_light = kept[kept < self.field_part.stop]
+        light_at = dataclasses.replace(
+            self.region_light, field=self.region_light.field[rows],
+            covariance=self.region_light.covariance[np.ix_(of_light, of_light)])
         return dataclasses.replace(
-            self, samples=samples, mean=self.mean[kept], covariance=self.covariance[
-                np.ix_(kept, kept)], level_misfits={}, region_light=dataclasses.replace(
-                self.region_light, field=self.region_light.field[rows],
-                covariance=self.region_light.covariance[np.ix_(of_light, of_light)]))
+            self, samples=samples, region_light=light_at, mean=self.mean[kept],
+            covariance=self.covariance[np.ix_(kept, kept)], level_misfits={}, left_out=())
 
     def clipped(self, region: int) -> np.ndarray:
         """Bands (K,) whose mean says nothing of a region."""
@@ -232,11 +237,25 @@ def white_at_regions(photo: FlatPhoto, known: Mapping[str, np.ndarray], errors: 
     ------
     InputError
         If the photos do not state how their exposures compare.
-    CheckError
-        As ``condition_on_known``, and if a known region is a patch of the chart.
     """
     white = white_by_chart(photo, errors, nodes_px)
     return None if white is None else white_told_by(photo, white, known, errors)
+
+
+def agreeing_known(photos: Sequence[FlatPhoto], known: Mapping[str, np.ndarray],
+                   errors: FlatErrors) -> tuple[dict[str, np.ndarray], list[Finding]]:
+    """The regions of known spectrum that contradict the light of no photo, and why each other one
+    is left out: what is stated of a card is wrong in all photos or in none.
+
+    Parameters and Raises as of ``white_at_regions``.
+    """
+    agreeing, left_out = dict(known), []
+    for photo in photos:
+        white = white_at_regions(photo, agreeing, errors)
+        for finding in () if white is None else white.left_out:
+            del agreeing[finding.subject]
+            left_out.append(finding)
+    return agreeing, left_out
 
 
 def white_told_by(photo: FlatPhoto, white: PhotoWhite, known: Mapping[str, np.ndarray],
@@ -245,33 +264,32 @@ def white_told_by(photo: FlatPhoto, white: PhotoWhite, known: Mapping[str, np.nd
 
     Parameters and Raises as of ``white_at_regions``.
     """
-    _require_beside_chart(photo, white.samples, known)
+    on_chart = _on_chart(photo, white.samples)
     signals = {name: photo.response @ spectrum for name, spectrum in known.items()
-               if name in white.samples.names}
+               if name in white.samples.names and name not in on_chart}
     model = errors.disagreement.among_bands(white.glare.size)
-    return condition_on_known(white, signals, {
+    told = condition_on_known(white, signals, {
         name: error_model.proportional_covariance(signal, model + errors.known[name]**2)
-        for name, signal in signals.items()})
+        for name, signal in signals.items()}, "" if photo.name == FIRST_PHOTO else photo.name)
+    return dataclasses.replace(told, left_out=(*told.left_out, *(
+        Finding("flat.known-on-chart", Severity.WARN, name) for name in known if name in on_chart)))
 
 
-def _require_beside_chart(photo: FlatPhoto, samples: RegionSamples,
-                          known: Mapping[str, np.ndarray]) -> None:
-    """Refuse a known region that is a patch of the chart: the calibration is made of it, and it
-    says nothing of the light on the samples.
+def _on_chart(photo: FlatPhoto, samples: RegionSamples) -> list[str]:
+    """Regions that lie on a patch of the chart: the calibration is made of it, and it says nothing
+    of the light on the samples.
     """
     if not photo.chart_in_photo:
-        return
+        return []
     corners = photo.patches_px
     edges = np.roll(corners, -1, axis=1) - corners
+    names = []
     for name, points in zip(samples.names, samples.points_px, strict=True):
-        if name not in known:
-            continue
         off = points[:, None, None] - corners
         sides = edges[..., 0] * off[..., 1] - edges[..., 1] * off[..., 0]
         if np.any(np.all(sides >= 0, axis=2) | np.all(sides <= 0, axis=2)):
-            raise CheckError(f"region {name!r} of known spectrum lies on the chart, whose patches "
-                             "are used already and say nothing of the light on the samples: "
-                             "outline a white card beside the samples, or leave it out")
+            names.append(name)
+    return names
 
 
 def white_by_chart(photo: FlatPhoto, errors: FlatErrors,
@@ -341,9 +359,12 @@ def light_map(photo: FlatPhoto, known: Mapping[str, np.ndarray],
 
 
 def condition_on_known(white: PhotoWhite, known: Mapping[str, np.ndarray],
-                       errors: Mapping[str, np.ndarray]) -> PhotoWhite:
+                       errors: Mapping[str, np.ndarray], photo: str = "") -> PhotoWhite:
     """The same after regions of known spectrum said how bright the light is upon them, in the bands
     that are not clipped there.
+
+    Nothing is concluded from a region where the light is of another colour than on the chart, or
+    whose level is far beyond the errors from what the chart's light gives: it is left out.
 
     Parameters
     ----------
@@ -352,14 +373,10 @@ def condition_on_known(white: PhotoWhite, known: Mapping[str, np.ndarray],
         From names of regions to their relative signal (K,).
     errors : mapping
         From the same names to its covariance (K, K) beside noise: statement, curves, model.
-
-    Raises
-    ------
-    CheckError
-        If the light on a known region is of another colour than on the chart, or its level is far
-        beyond the errors from what the chart's light gives.
+    photo : str
+        Its title, for what is said of regions that are left out; empty of the first.
     """
-    misfits = {}
+    misfits, left_out = {}, []
     for name in known:
         region = white.samples.names.index(name)
         read = np.flatnonzero(~white.clipped(region))
@@ -371,19 +388,27 @@ def condition_on_known(white: PhotoWhite, known: Mapping[str, np.ndarray],
         # an error of the level is one of the target's: in proportion to the reading, a difference
         # of colour would take itself for one of level
         expected = white.jacobian(region, known[name])[read]
-        misfits[name] = _level_misfit(signal / target, expected / target[:, None],
-                                      white.covariance, error / np.outer(target, target))
+        misfit = _level_misfit(signal / target, expected / target[:, None], white.covariance,
+                               error / np.outer(target, target))
+        off, band = _colour_misfit(signal / target, (expected @ white.covariance @ expected.T
+                                                     + error) / np.outer(target, target))
+        values = {"photo": photo, "stated": float(target.mean()), "read": float(signal.mean())}
+        if off:
+            left_out.append(Finding("flat.known-other-colour", Severity.WARN, name, values | {
+                "off": off, "band": int(read[band]) + 1}))
+            continue
+        if abs(misfit) > LEVEL_REFUSED:
+            left_out.append(Finding("flat.known-other-level", Severity.WARN, name, values | {
+                "errors": abs(misfit)}))
+            continue
+        misfits[name] = misfit
         residual = target - signal
         spread = rows @ white.covariance @ rows.T + error
-        _require_one_light(name, signal / target,
-                           (expected @ white.covariance @ expected.T + error)
-                           / np.outer(target, target), read)
-        _require_one_level(name, signal, target, misfits[name])
         gain = np.linalg.solve(spread, rows @ white.covariance).T
         white = dataclasses.replace(
             white, mean=white.mean + gain @ residual,
             covariance=symmetric(white.covariance - gain @ rows @ white.covariance))
-    return dataclasses.replace(white, level_misfits=misfits)
+    return dataclasses.replace(white, level_misfits=misfits, left_out=tuple(left_out))
 
 
 def _level_misfit(ratio: np.ndarray, rows: np.ndarray, of_light: np.ndarray,
@@ -400,15 +425,6 @@ def _level_misfit(ratio: np.ndarray, rows: np.ndarray, of_light: np.ndarray,
     weights = np.linalg.solve(covariance, np.ones(len(ratio)))
     level = float(weights @ ratio / weights.sum())
     return (float(np.log(level)) if level > 1 else level - 1) * float(np.sqrt(weights.sum()))
-
-
-def _require_one_level(name: str, signal: np.ndarray, target: np.ndarray, misfit: float) -> None:
-    """Refuse a known region whose level contradicts the light on it."""
-    if abs(misfit) > LEVEL_REFUSED:
-        raise CheckError(f"region {name!r} is stated to reflect {target.mean():.2f} and reads "
-                         f"{signal.mean():.2f} in the chart's light, {abs(misfit):.0f} standard "
-                         "errors away: state the right reflectance, or take chart and samples "
-                         "under one light, without a shadow on either")
 
 
 def _light_at(photo: FlatPhoto, errors: FlatErrors,
@@ -438,9 +454,9 @@ def _exposure(photo: FlatPhoto, errors: FlatErrors) -> tuple[float, dict[str, fl
                    error_model.ROUNDED_EXPOSURES: light_scale.rounding_error(before, after)}
 
 
-def _require_one_light(name: str, ratio: np.ndarray, covariance: np.ndarray,
-                       bands: np.ndarray) -> None:
-    """Refuse a known region whose bands, by number, disagree with the chart's light beyond errors.
+def _colour_misfit(ratio: np.ndarray, covariance: np.ndarray) -> tuple[float, int]:
+    """How far the worst band of a known region is off the colour of the chart's light, relative to
+    its level, and which it is; 0 where it is within the errors.
 
     ``ratio`` (K,) is what is read to what is stated. What all bands share is their level, between
     them: with errors that are common to nearly the last digit, weights below 0 would put it far
@@ -453,12 +469,8 @@ def _require_one_light(name: str, ratio: np.ndarray, covariance: np.ndarray,
     from_level = np.eye(len(ratio)) - weights
     errors = np.sqrt(np.diag(from_level @ covariance @ from_level.T))
     worst = int(np.argmax(np.abs(off)))
-    if abs(off[worst]) > OTHER_COLOUR and abs(off[worst]) > SIGMAS * errors[worst]:
-        raise CheckError(f"region {name!r} of known spectrum reads {abs(off[worst]):.0%} "
-                         f"{'less' if off[worst] < 0 else 'more'} in band {bands[worst] + 1} than "
-                         "the chart's light gives it: chart and samples were photographed under "
-                         "different light; take both under one light, or correct the known "
-                         "spectrum")
+    beyond = abs(off[worst]) > OTHER_COLOUR and abs(off[worst]) > SIGMAS * errors[worst]
+    return (float(off[worst]) if beyond else 0.0), worst
 
 
 def _in_picture(points_px: np.ndarray, photo: LinearImage) -> np.ndarray:

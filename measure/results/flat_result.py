@@ -136,7 +136,6 @@ def _photo_of_regions(capture: FlatCapture, records: CaptureRecords,
     height, width = photo.signal.shape[:2]
     shown = capture.regions_in(view)
     light = records.flat_signals.light.get(view.name)
-    known = [name for name, section in shown.items() if section.known is not None]
     samples = records.photo.regions.get(view.name)
     registration = records.photo.registrations.get(view.name)
     held = records.calibrate.other_charts.get(view.name)
@@ -146,7 +145,7 @@ def _photo_of_regions(capture: FlatCapture, records: CaptureRecords,
     if light is not None:
         levels = dict(zip(shown, zip(light.level.tolist(), light.error.tolist(), strict=True),
                           strict=True))
-        misfits = dict(zip(known, light.level_misfits.tolist(), strict=True))
+        misfits = dict(light.level_misfits)
     if samples is not None:
         scatter = dict(zip(samples.names, samples.scatter.max(axis=1).tolist(), strict=True))
         edges = dict(samples.edges)

@@ -46,8 +46,7 @@ def capture_of(shoot: Shoot, inputs: Inputs) -> captured.FlatCapture | captured.
     """
     capture, faults = capture_with_faults(shoot, inputs)
     if faults:
-        sentences = dict.fromkeys(line for fault in faults for line in str(fault).splitlines())
-        raise type(faults[0])("\n".join(sentences))
+        raise type(faults[0])(*(sentence for fault in faults for sentence in fault.faults))
     return capture
 
 

@@ -213,7 +213,7 @@ def require_materials(scene: scene_file.SceneFile, bsdfs: dict[str, str]) -> Non
     """
     problems = scene_file.check_materials(scene, bsdfs)
     if problems:
-        raise InputError("\n".join(problems))
+        raise InputError(*problems)
 
 
 def with_estimated_scale(capture: SceneCapture, views: list[PhotoView],

@@ -23,6 +23,7 @@ from spectrabox.measure.pictures.crop import Crop, crop_of, crop_photo, node_gri
 from spectrabox.measure.pictures.lit_photo import LitPhoto
 from spectrabox.measure.pictures.traced_photo import TracedPhoto
 from spectrabox.measure.records import CaptureRecords, PictureRecords
+from spectrabox.measure.regions import white
 from spectrabox.measure.scene.box_camera import lens_of
 from spectrabox.measure.steps import inversion, signals
 from spectrabox.measure.steps.work import Work
@@ -79,8 +80,9 @@ def lit_photo(capture: FlatCapture, records: CaptureRecords, work: Work) -> LitP
         shown.append(stacked_photos.PicturePhoto(
             photos[capture.views.index(view)], _in_first(image, motion, crop),
             nodes_px if motion is None else motion.moved(nodes_px)))
-    return stacked_photos.stack_photos(shown, between, capture.known,
-                                       signals.flat_errors(capture, records),
+    stated = signals.flat_errors(capture, records)
+    known, _ = white.agreeing_known([each.photo for each in shown], capture.known, stated)
+    return stacked_photos.stack_photos(shown, between, known, stated,
                                        capture.picture.surface,
                                        of_families(load_prior(), capture.picture.families))
 

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from spectrabox.calibrate.chart_equations import PatchError
@@ -17,14 +19,9 @@ from spectrabox.measure.records import (
     SampleRecords,
     SignalRecords,
 )
+from spectrabox.measure.regions import white
 from spectrabox.measure.regions.flat_signals import flat_signals
 from spectrabox.measure.regions.moved_lamp import differences_of_photos
-from spectrabox.measure.regions.white import (
-    FlatErrors,
-    FlatPhoto,
-    light_map,
-    white_at_regions,
-)
 from spectrabox.measure.scene.draws import draw_through_transport
 from spectrabox.measure.steps.photos import PREVIEW_WIDTH
 from spectrabox.measure.steps.work import Work
@@ -50,40 +47,52 @@ def find_signals(capture: FlatCapture, records: CaptureRecords, work: Work) -> S
         If there is no region to estimate, or chart and samples were exposed differently and do not
         say how.
     CheckError
-        If a region of known spectrum shows another light than the chart.
+        If no band of any photo shows a region that is not known.
     """
     require_unknown_region(capture)
     photos = flat_photos(capture, records)
     errors = flat_errors(capture, records)
-    known = capture.known
+    known, findings = white.agreeing_known(photos, capture.known, errors)
     lights: dict[str, RegionLight] = {}
     whites = []
-    findings: list[Finding] = []
     for number, (view, photo) in enumerate(zip(capture.views, photos, strict=True)):
         work.progress(number / len(photos), view.photo_names[0])
-        white = white_at_regions(photo, known, errors)
-        whites.append(white)
-        findings += _write_calibrated(capture, view, photo, errors, work)
-        if white is not None:
+        at_regions = white.white_at_regions(photo, known, errors)
+        whites.append(at_regions)
+        findings += _write_calibrated(view, photo, known, errors, work)
+        if at_regions is not None:
             lights[view.name] = RegionLight(
-                np.exp(white.log_field), white.field_error,
-                np.array(list(white.level_misfits.values())),
-                light_map(photo, known, errors))
-    signals = flat_signals(photos, whites, capture.families, known,
+                np.exp(at_regions.log_field), at_regions.field_error,
+                dict(at_regions.level_misfits), white.light_map(photo, known, errors))
+            findings += at_regions.left_out
+    signals = flat_signals(photos, whites, capture.families, capture.known,
                            capture.band_names(records.photo.bands), errors)
     return SignalRecords(signals, lights, (*differences_of_photos(
         signals, [photo.name for photo in photos]), *findings))
 
 
-def _write_calibrated(capture: FlatCapture, view: View, photo: FlatPhoto, errors: FlatErrors,
-                      work: Work) -> tuple[Finding, ...]:
+def known_of_signals(capture: FlatCapture, records: CaptureRecords) -> dict[str, np.ndarray]:
+    """The regions of known spectrum that the signals rest on: those that contradict no photo.
+
+    Parameters
+    ----------
+    capture : FlatCapture
+    records : CaptureRecords
+        Of the steps up to the signals.
+    """
+    told = {name for light in records.flat_signals.light.values() for name in light.level_misfits}
+    return {name: spectrum for name, spectrum in capture.known.items() if name in told}
+
+
+def _write_calibrated(view: View, photo: white.FlatPhoto, known: Mapping[str, np.ndarray],
+                      errors: white.FlatErrors, work: Work) -> tuple[Finding, ...]:
     """The photo in the colours of its calibration, among the step's pictures; none of a camera of
     other than three bands.
     """
     if work.folder is None:
         return ()
     look, failed = attempt(f"picture {CALIBRATED!r}",
-                           lambda: shown_photo.calibrated_look(photo, capture.known, errors), None)
+                           lambda: shown_photo.calibrated_look(photo, known, errors), None)
     if failed is not None:
         return (to_keep(failed),)
     if look is None:
@@ -108,7 +117,7 @@ def require_unknown_region(capture: FlatCapture) -> None:
                          "'known'")
 
 
-def flat_photos(capture: FlatCapture, records: CaptureRecords) -> list[FlatPhoto]:
+def flat_photos(capture: FlatCapture, records: CaptureRecords) -> list[white.FlatPhoto]:
     """Every photo of the sample, with the chart photo that shows its light.
 
     Parameters
@@ -122,7 +131,7 @@ def flat_photos(capture: FlatCapture, records: CaptureRecords) -> list[FlatPhoto
     for view, calibration in zip(capture.views, records.calibrations(capture.views), strict=True):
         with_chart = view if view.chart else capture.views[0]
         chart = records.chart.charts[with_chart.name]
-        photos.append(FlatPhoto(
+        photos.append(white.FlatPhoto(
             view.title, records.photo.regions.get(view.name),
             records.photo.photos[view.name], chart.thumbnail,
             with_chart.chart == view.photo, chart.detection.corners_px, layout,
@@ -131,7 +140,7 @@ def flat_photos(capture: FlatCapture, records: CaptureRecords) -> list[FlatPhoto
     return photos
 
 
-def flat_errors(capture: FlatCapture, records: CaptureRecords) -> FlatErrors:
+def flat_errors(capture: FlatCapture, records: CaptureRecords) -> white.FlatErrors:
     """What is stated of errors, and the disagreement that the chart's patches show.
 
     Parameters
@@ -143,7 +152,7 @@ def flat_errors(capture: FlatCapture, records: CaptureRecords) -> FlatErrors:
     fit = records.calibrate.chart
     assert fit is not None and fit.patch_error is not None      # flat samples need chart and prior
     own, common = fit.patch_error
-    return FlatErrors(capture.repeatability.relative_error, capture.stray_light.glare,
+    return white.FlatErrors(capture.repeatability.relative_error, capture.stray_light.glare,
                       PatchError(float(own), float(common)),
                       bool(capture.development.flat_fields), capture.repeatability.plane,
                       {name: region.surface for name, region in capture.regions.items()

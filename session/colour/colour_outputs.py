@@ -26,7 +26,7 @@ from spectrabox.measure.profiles.colour_profile import (
     relative_signals,
     response_of_calibration,
 )
-from spectrabox.measure.steps.signals import flat_errors, flat_photos
+from spectrabox.measure.steps import signals
 from spectrabox.radiometry import appearance, errors, grid, interreflection, profile_files
 from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.findings import Finding
@@ -86,8 +86,10 @@ def write_colour(config: SessionConfig, run: FinishedRun, folder: Path, space: s
                                                 profile.matrix.coefficients, profile.table.xyz)
     ]
     picture, clipped = colour_picture(
-        relative_signals(photo, flat_photos(capture, records)[0], capture.known,
-                         flat_errors(capture, records)), profile.table, profile_files.SPACES[space])
+        relative_signals(photo, signals.flat_photos(capture, records)[0],
+                         signals.known_of_signals(capture, records),
+                         signals.flat_errors(capture, records)),
+        profile.table, profile_files.SPACES[space])
     write_tiff16(folder / PHOTO, picture, profile_files.SPACES[space].profile)
     reflectances = capture.lit_chart.reflectances
     relative = reflectances @ interreflection.relative_response(calibration, grid.FINE_GRID).T

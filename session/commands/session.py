@@ -326,7 +326,5 @@ def _with_all_faults(config: SessionConfig) -> Iterator[None]:
         yield
     except (InputError, CheckError) as error:
         from spectrabox.session.problems import check_session
-        first = str(error).splitlines()
-        others = [each.sentence for each in check_session(config.folder,
-                                                          config.allow_outside).problems]
-        raise type(error)("\n".join(dict.fromkeys([*first, *others]))) from error
+        others = check_session(config.folder, config.allow_outside).problems
+        raise type(error)(*error.faults, *(each.sentence for each in others)) from error

@@ -52,7 +52,7 @@ def read_session(folder: Path, allow_outside: bool = False) -> SessionConfig:
     """
     config, problems = try_read_session(folder, allow_outside)
     if config is None:
-        raise errors.InputError("\n".join(problems))
+        raise errors.InputError(*problems)
     return config
 
 
@@ -156,5 +156,5 @@ def tables_of_text(text: str, folder: Path,
         written = toml_of(text)
         shoot.Shoot.from_toml(written)
     except errors.InputError as error:
-        return None, str(error).splitlines()
+        return None, list(error.faults)
     return SessionConfig(folder=folder, allow_outside=allow_outside, **written), []

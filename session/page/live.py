@@ -17,11 +17,12 @@ import numpy as np
 from spectrabox.measure import captured, texts
 from spectrabox.measure.extras import attempt
 from spectrabox.measure.opened_photos import OpenPhotos
+from spectrabox.measure.pictures import shown_photo
 from spectrabox.measure.records import CaptureRecords, ChartRecords
 from spectrabox.measure.regions.flat_signals import RegionSignal
 from spectrabox.measure.regions.pointing import PointedSample, calibrated_photos
 from spectrabox.measure.results.flat_result import FlatResult
-from spectrabox.measure.shoot.captures import flat_capture_of
+from spectrabox.measure.shoot import captures
 from spectrabox.measure.steps.declared_steps import inputs_of_calibration, inputs_of_charts
 from spectrabox.radiometry import errors
 from spectrabox.radiometry.grid import FINE_GRID
@@ -32,7 +33,7 @@ from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
 from spectrabox.radiometry.system.words import shortened
 from spectrabox.session.config.session_file import SessionConfig
 from spectrabox.session.page import pointed_answers
-from spectrabox.session.page.photo_views import PhotoFile, PhotoViews
+from spectrabox.session.page.photo_views import RELATIVE, PhotoFile, PhotoViews
 from spectrabox.session.page.run_control import RunControl
 from spectrabox.session.store.keys import InputFiles, digest_of_parts, step_keys
 from spectrabox.session.store.record_files import fingerprint, load_stage
@@ -40,6 +41,7 @@ from spectrabox.session.store.record_files import fingerprint, load_stage
 CHART, CALIBRATE = "chart", "calibrate"
 MAX_KEPT = 500          # answers on regions
 MAX_DRAWN = 120         # regions with their draws, 2 MB each
+HALVINGS = 3            # of a photo whose brightest part is sought
 SETTLED_S = 0.6         # without a change, after which the verdict is worked out
 
 
@@ -56,7 +58,8 @@ class LiveSample:
 
     def __init__(self, run: RunControl, views: PhotoViews) -> None:
         self._run, self._views = run, views
-        self._config: SessionConfig | None = None
+        self._config: SessionConfig | None = None       # of flat samples
+        self._scene: SessionConfig | None = None
         self._sample: PointedSample | None = None
         self._sample_key = ""                           # of its calibration and photos
         self._calibrated_as = ""                        # digest of what these rest on
@@ -92,13 +95,15 @@ class LiveSample:
         Parameters
         ----------
         config : SessionConfig or None
-            None of a session of a scene, or with faults.
+            None of a session with faults; of one of a scene photos alone are shown as they are
+            calibrated.
         """
+        scene = None if config is None or config.flat else config
         written = None if config is None else config.model_dump_json()
         now = written, self._run.running, self._run.state()["lines"][-1:]
         with self._lock:
             edited = self._seen is None or now[0] != self._seen[0]
-            self._config = config
+            self._config, self._scene = None if scene is not None else config, scene
             if edited:
                 with contextlib.suppress(
                         errors.SpectraboxError):  # said where the session is checked
@@ -263,7 +268,10 @@ class LiveSample:
     def _work(self) -> None:
         while self._wanted.wait() and not self._ended:
             self._wanted.clear()
-            config = self._config
+            config, scene = self._config, self._scene
+            if scene is not None:
+                attempt("calibrated picture", partial(self._show_scene, scene), None)
+                continue
             _, failed = attempt("spectra on the page", partial(self._update, config), None)
             if failed is not None:
                 self._error, self._sample = failed.values["error"], None
@@ -305,11 +313,37 @@ class LiveSample:
                     looks[files[0].path] = sample.looks[view.name]
         self._views.calibrate(looks)
 
+    def _show_scene(self, config: SessionConfig) -> None:
+        """Show the photos of a scene and of its charts in the colours of the calibration that a run
+        has made of them.
+        """
+        capture = captures.capture_of(config, config.inputs)
+        assert isinstance(capture, captured.SceneCapture)
+        keys = step_keys(capture, InputFiles(config))
+        stage = load_stage(config.results_folder, CALIBRATE)
+        made = stage is not None and not stage.fault and stage.key == keys[CALIBRATE]
+        depends = fingerprint(keys[CALIBRATE]) if made else None
+        if depends == self._looks_of:
+            return
+        self._looks_of, looks = depends, {}
+        if stage is not None and made:
+            records = CaptureRecords({CALIBRATE: stage})
+            for view, calibration in zip(capture.views, records.calibrations(capture.views),
+                                         strict=True):
+                for files in map(captured.files_of, (view.photo, view.chart)):
+                    if len(files) == 1 and files[0].path is not None:
+                        photo = self._views.photo(PhotoFile(files[0].path,
+                                                            capture.development.orientation))
+                        look = shown_photo.scene_look(calibration, photo.reduced(HALVINGS))
+                        if look is not None:
+                            looks[files[0].path] = look
+        self._views.calibrate(looks, RELATIVE)
+
     def _update(self, config: SessionConfig | None) -> None:
         """Bring what is known up to a session, or have a run begin that will."""
         if config is None:
             return              # a fault that is being mended: what was known stays
-        capture = flat_capture_of(config, config.inputs)
+        capture = captures.flat_capture_of(config, config.inputs)
         keys = step_keys(capture, InputFiles(config))
         done = {}
         for name in (CHART, CALIBRATE):
@@ -356,7 +390,7 @@ class LiveSample:
         """Take what is stated of regions by now, where photos and calibration are the same."""
         if self._config is None or self._sample is None:
             return
-        capture = flat_capture_of(self._config, self._config.inputs)
+        capture = captures.flat_capture_of(self._config, self._config.inputs)
         if calibration_digest(capture) == self._calibrated_as:
             self._sample = PointedSample(capture, self._sample.calibrated)
 

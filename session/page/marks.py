@@ -120,7 +120,7 @@ class MarkedSession:
             before_it = self._faults(before, mark)
             faults = [fault for fault in faults if fault not in before_it]
         if faults:
-            raise InputError("\n".join(faults))
+            raise InputError(*faults)
         if after != before:
             with self._lock:
                 self._require_seen(seen)

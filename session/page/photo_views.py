@@ -29,7 +29,8 @@ MAX_TILES = 400         # encoded, of each photo
 MAX_CELLS = 32          # a side, in which the part of a rectangle that is not clipped is sought
 MAX_HALVINGS = 12       # of a photo of a million pixels a side nothing else is left
 FileKey = tuple[Path, int, int, int]    # with its orientation, time and length
-RAW, CAMERA, CALIBRATED = "raw", "camera", "calibrated"     # how a photo is shown
+# how a photo is shown; of a scene, whose light is another everywhere, only relative to white
+RAW, CAMERA, CALIBRATED, RELATIVE = "raw", "camera", "calibrated", "relative"
 Kept = TypeVar("Kept")
 
 
@@ -134,19 +135,21 @@ class PhotoViews:
                                                          image.camera_from_xyz))
             _kept(self._clipped, key, lambda: image.saturated)
 
-    def calibrate(self, looks: Mapping[Path, PhotoLook]) -> None:
+    def calibrate(self, looks: Mapping[Path, PhotoLook], kind: str = CALIBRATED) -> None:
         """Show photos in the colours of their calibration from now on, and no others.
 
         Parameters
         ----------
         looks : mapping
             By the photos' paths.
+        kind : {"calibrated", "relative"}
+            Whether they are those of swatches, or as bright as the photo allows.
         """
         with self._lock:
             for path, look in looks.items():
                 known = self._looks.get(path)
                 if known is None or known[1] is not look:
-                    self._looks[path] = f"{CALIBRATED}-{next(self._numbers)}", look
+                    self._looks[path] = f"{kind}-{next(self._numbers)}", look
             for path in {*self._looks} - {*looks}:
                 del self._looks[path]
 

@@ -92,8 +92,7 @@ class SessionPage:
             text, digest, problems = "", "", [str(error)]
         else:
             config, problems = session_of_text(text, self.folder, self._allow_outside)
-        # spectra while one points are of flat samples alone
-        self.live.follow(config if config is not None and config.flat else None)
+        self.live.follow(config)
         live = self.live.state()
         tables = written_session.shown_tables(text)
         marks = written_session.marks_of(tables)

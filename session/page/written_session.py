@@ -54,7 +54,9 @@ def shown_tables(text: str) -> shoot.Shoot | None:
 def facts_of(tables: shoot.Shoot | None) -> dict[str, Any]:
     """What is said of light, picture and further photos."""
     light = None if tables is None else tables.light.spectrum
-    return {"light": "" if light is None else light.word or light.file or "",
+    scene = tables is not None and not tables.flat and bool(
+        tables.scene is not None or tables.materials)
+    return {"scene": scene, "light": "" if light is None else light.word or light.file or "",
             "surface": None if tables is None else tables.session.surface,
             "picture": tables is not None and tables.picture is not None,
             "views": [] if tables is None else list(tables.views)}
@@ -142,7 +144,7 @@ def mark_faults(config: SessionConfig, kind: str, name: str, photos: PhotoViews)
         elif kind == "box corners":
             scene_of(captures.stated_scene(config, config.inputs))
     except SpectraboxError as error:
-        return str(error).splitlines()
+        return list(error.faults)
     return []
 
 

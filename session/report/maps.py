@@ -17,7 +17,6 @@ from spectrabox.session.report import pictures, svg
 PANEL_PX = 320  # at least, of each picture of a comparison
 WIDE, GAP, TITLE = 691.0, 8.0, 14.0     # in points: a figure across the page, between its panels
 BAR_WIDTH, BAR_HEIGHT, BAR_SHADES = 440.0, 9.0, 65      # of the scale of residuals
-BRIGHTEST = 99              # percentile of a photo of a scene that is shown as white
 PHOTO_WIDTH = 446.0             # in points, of the photo beside the spectra
 GEOMETRY_WIDTH, MAX_SIDE_PX = 338.0, 480    # in points; pixels of the photo behind the edges
 GREEN, RED = "#16a34a", "#dc2626"
@@ -67,7 +66,7 @@ def _stretched(fit: scenes.Reconstruction, chosen: list[int]) -> tuple[np.ndarra
     photo, rendering = (image[..., chosen] / fit.white_signal[chosen] for image in (fit.measured,
                                                                                      fit.rendered))
     seen = photo[np.isfinite(photo)]
-    stretch = max(float(np.percentile(seen, BRIGHTEST)), 1e-12) if seen.size else 1.0
+    stretch = max(float(np.percentile(seen, shown_photo.BRIGHTEST)), 1e-12) if seen.size else 1.0
     return encode_srgb(np.nan_to_num(photo) / stretch), encode_srgb(np.nan_to_num(rendering)
                                                                       / stretch)
 
@@ -115,12 +114,12 @@ def linked_photo(name: str, made: scenes.Reconstruction, of_photo: calibration.C
     height, width = made.surface.shape
     plot = svg.Plot(name, PHOTO_WIDTH, _panel_height(PHOTO_WIDTH, height, width),
                     (-0.5, width - 0.5), (height - 0.5, -0.5), (0, 0, 0, 0))
-    look = shown_photo.look_of_white(of_photo, made.white_signal)
+    look = shown_photo.scene_look(of_photo, made.measured)
     if look is None:
         photo, _ = _stretched(made, display_bands(of_photo.sensitivity))
     else:
-        linear = look.linear(np.nan_to_num(made.measured), np.arange(width), np.arange(height))
-        photo = encode_srgb(linear / max(float(np.percentile(linear, BRIGHTEST)), 1e-12))
+        photo = encode_srgb(look.linear(np.nan_to_num(made.measured), np.arange(width),
+                                        np.arange(height)))
     plot.picture((-0.5, -0.5, width - 0.5, height - 0.5), pictures.pixels_data_uri(photo))
     for s, material in enumerate(made.agreement.materials):
         rows, columns = np.nonzero(np.diff(np.pad(made.surface == s, ((0, 0), (1, 1))).astype(int)))

@@ -174,4 +174,5 @@ def lights() -> tuple[str, ...]:
     covering = [name for name, (nm, _) in
                 published_tables.all_published(published_tables.LIGHTS).items()
                 if nm[0] <= FINE_GRID.nm[0] and nm[-1] >= FINE_GRID.nm[-1]]
-    return (*covering, *light_words.LIGHT_KINDS, light_words.UNKNOWN)
+    first = covering.index("A")         # the illuminants of the CIE are the end of the table
+    return (*covering[first:], *covering[:first], *light_words.LIGHT_KINDS, light_words.UNKNOWN)

@@ -54,7 +54,9 @@ function showPlot() {
 export function showMarks() {
   const names = Object.keys(regions()), others = otherMarks();
   $("marks-title").textContent = names.length ? `Marked colours (${names.length})` : "Marked colours";
+  $("marks-about").hidden = !names.length || !session.state.live;
   $("marks-empty").hidden = names.length > 0 || others.length > 0;
+  if (session.state.facts.scene) $("marks-empty").textContent = "In a scene, materials are measured instead of marked regions: their spectra and colours are in the report.";
   const listed = JSON.stringify([names, others, Boolean(session.state.live), severalPhotos()]);
   if (listed !== $("marks").dataset.listed) {
     $("marks").dataset.listed = listed;

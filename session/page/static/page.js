@@ -10,6 +10,7 @@ import { problemsOf, settled, stateWords, upToDate, verdictOf } from "./words.js
 
 const HINTS = {
   look: "Point at a colour. Drag to move, wheel to zoom.",
+  scene: "Point at a pixel to read its signals. Drag to move, wheel to zoom.",
   region: "Drag a rectangle over one colour.",
   polygon: "Click the corners of one colour, three or more, then Save.",
   compare: "Click two colours, marked or not, here or in the list.",
@@ -17,7 +18,7 @@ const HINTS = {
   chart: "Drag the four corners onto the chart: first patch, end of the first row, last patch, start of the last row (of a ColorChecker dark skin, bluish green, black, white).",
   box: "Choose a corner's name and click it, six corners or more; then Save. Delete the line fov_deg in session.toml unless you measured it.",
 };
-const TOUCH_HINTS = { look: "Tap a colour to see its spectrum. Hold a finger on it to mark it.", region: "Drag a finger over one colour." };
+const TOUCH_HINTS = { scene: "Drag to move, two fingers to zoom.", look: "Tap a colour to see its spectrum. Hold a finger on it to mark it.", region: "Drag a finger over one colour." };
 const TOOL_KEYS = { p: "look", r: "region", g: "polygon", c: "compare", w: "white", k: "chart", b: "box" };
 const KEYS = [["P", "point"], ["R", "region"], ["G", "polygon"], ["C", "compare"], ["W", "white card"], ["K", "chart"], ["F", "whole photo"], ["O", "the photo as the camera saw it"], ["I", "fold the inspector"], ["+ −", "zoom"],
   ["Space", "move the photo while it is held"], ["Arrows", "move the photo, or the selected mark; with Shift by ten"], ["Enter", "set a point in the middle"], ["Delete", "remove the selected mark"], ["Ctrl Z", "undo"], ["Esc", "let go"]];
@@ -42,7 +43,7 @@ async function open(role) {
 }
 
 // ---- the colours that the photo is shown in: of the calibration, before it of the camera, or as the bands read
-const LOOKS = { raw: "as the camera saw it", camera: "preview in the camera\u2019s own colours", calibrated: "calibrated colours (sRGB, daylight)" };
+const LOOKS = { raw: "as the camera saw it", camera: "preview in the camera\u2019s own colours", calibrated: "calibrated colours (sRGB, daylight)", relative: "calibrated colours (sRGB, daylight), as bright as the photo allows" };
 let about = null, raw = false, recolouring = false;
 const tilesOf = (role, look) => (halvings, column, row) => `${base}/api/tile?${new URLSearchParams({ role, halvings, column, row, look })}`;
 function wantedLook() {
@@ -94,6 +95,7 @@ const squareAt = (at) => view.squareAt(at, Math.max(POINTER_PX / 2, MIN_SIDE / 2
 // ---- marking
 const ownPhoto = () => severalPhotos() && !session.state.live && !session.role.startsWith("shot:") ? session.role : "";
 async function addRect(rect, byFinger) {
+  if (session.state.facts.scene) return;
   const card = mode === "white", name = freeName(card ? "white card" : "sample");
   if (!await mark({ kind: "region", name, points: rect, photo: ownPhoto() })) { offerUnclipped(rect, byFinger); return; }
   say(`${name} is marked`); view.select(name);
@@ -200,7 +202,7 @@ function show() {
   const problems = problemsOf(now); $("progress").textContent = stateWords(now); $("progress").title = problems.join("\n"); $("progress").className = problems.length ? "bad" : upToDate(now) ? "good" : "";
   $("undo").disabled = !now.undo; $("stop").hidden = !run.running || Boolean(run.until && !run.waiting);
   $("run").disabled = $("report").hidden && ((run.running && !run.until) || run.waiting || now.problems.length > 0 || (live && !Object.keys(now.marks.regions).length));
-  for (const [tool, hidden] of [["compare", !live], ["white", !live], ["box", !now.corner_names.length]])
+  for (const [tool, hidden] of [["region", now.facts.scene], ["polygon", now.facts.scene], ["compare", !live], ["white", !live], ["box", !now.corner_names.length]])
     document.querySelector(`[data-mode="${tool}"]`).hidden = hidden;
   $("corner-label").hidden = mode !== "box";
   $("save").hidden = !(mode === "box" && named.length >= 6) && !(mode === "polygon" && view.points.length > 2) && !(mode === "chart" && quad && !view.points.length);
@@ -213,7 +215,7 @@ function show() {
 function showHint(problems) {
   const { live } = session.state, first = problems[0] && (mode === "chart" && !live?.ready ? `${problems[0].split("\n")[0]} ${HINTS.chart}` : problems[0].split("\n")[0]);
   const busy = ["look", "region"].includes(mode) && Object.keys(regions()).length > 0;
-  const text = first ?? (busy ? "" : (finger.matches && TOUCH_HINTS[mode]) || HINTS[mode]);
+  const about = mode === "look" && session.state.facts.scene ? "scene" : mode, text = first ?? (busy ? "" : (finger.matches && TOUCH_HINTS[about]) || HINTS[about]);
   if ($("hint").textContent !== text) $("hint").textContent = text;
   $("hint").hidden = !text || (!view.size && !problems.length) || !$("drop").hidden; $("hint").className = first ? "problem" : "";
 }

@@ -13,6 +13,7 @@
   const light = (chosen) => document.querySelectorAll("a.mark, .card").forEach((one) =>
     one.classList.toggle("pointed", index(one) === chosen));
   const plot = spectraPlot("Reflectances over wavelength in nm, a line for each surface", spectra, {
+    ...(matchMedia("(max-width: 600px)").matches ? { width: 400, height: 300 } : {}),   // its words stay as large
     onShow: (chosen, words) => { light(chosen); said.textContent = words || unread; },
     onChoose: (chosen) => {
       const card = cards.find((one) => index(one) === chosen), to = `#${card.id}`;
