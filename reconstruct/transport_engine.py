@@ -48,6 +48,8 @@ FEW_SPP = 2              # and by which most materials are seen to receive light
 MORE_SPP = 16               # by which the time of a path is told from that of a trace
 MAX_SPP = 1024           # per pixel: where tracing ends, whatever the photo's noise
 IMAGE_SPP, IMAGES = 128, 2  # paths per pixel of the final renderings together, and their number
+# relative, of a surface's mean in them, the median: noisier ones get more paths, up to MAX_SPP
+IMAGE_NOISE = 0.01
 STEPS_FORESEEN = 30         # expansions of the cost in the two or three fits of a view, as a rule
 UNSEEN_LOSS = 1e-3          # share of the light in dropped products that is no error by itself
 VIEW_SEED_STEP = 613     # between the seeds of two views' traces
@@ -244,6 +246,17 @@ def _needed_spp(view: PhotoView, first: TracedTransport, region: np.ndarray) -> 
     return int(min(first.spp * float(np.median(first.relative_variance / photo)), MAX_SPP))
 
 
+def _image_spp(traced: TracedTransport, group: np.ndarray) -> int:
+    """Paths per pixel of the final renderings, by the noise that a trace has on each surface: light
+    that comes by way of a ceiling alone is noisier than any photo, and a surface in such a
+    rendering would be taken to disagree with the photo.
+    """
+    blocks = np.bincount(group)
+    of_surface = np.bincount(group, traced.relative_variance)[blocks > 0] / blocks[blocks > 0]**2
+    needed = traced.spp * float(np.median(of_surface)) / IMAGE_NOISE**2
+    return int(np.clip(needed, IMAGE_SPP, MAX_SPP))
+
+
 def solve_by_lamps(
     traced: Sequence[transport_fit.TracedView], settings: InversionSettings,
     render: Callable[[transport_fit.TracedView, ViewFit], np.ndarray]
@@ -419,7 +432,7 @@ def require_lit(views: Sequence[PhotoView],
         more = trace_transport(unit, region, spp=MORE_SPP, seed=seed + 2, exponents=few.exponents)
         # what a trace takes besides its paths is taken off
         each = max(time.process_time() - 2 * started + compiled, 0.0) / (MORE_SPP - FEW_SPP)
-        paths = max(_needed_spp(view, more, region), FIRST_SPP) + IMAGE_SPP
+        paths = max(_needed_spp(view, more, region), FIRST_SPP) + _image_spp(more, group)
         seconds += compiled - begun + each * paths
         seconds += _seconds_of_fit(view, few, region, group, settings)
         if unlit_material(view, few, group):
@@ -481,8 +494,8 @@ def renderings_of(traced: transport_fit.TracedView, settings: InversionSettings
     """
     view, transport = traced.view, traced.traced
     unit = unit_scene(view, _bounces(view, settings), transport.passes.shape[2] > 1)
-    return images_of_signals(unit, transport.exponents, spp=IMAGE_SPP, seed=settings.seed + 7919,
-                             passes=IMAGES)
+    return images_of_signals(unit, transport.exponents, spp=_image_spp(transport, traced.group),
+                             seed=settings.seed + 7919, passes=IMAGES)
 
 
 def _informed_by(images: np.ndarray, traced: transport_fit.TracedView,

@@ -27,7 +27,7 @@ def examine(device: str = "auto") -> dict[str, Any]:
     """
     problems: list[str] = []
     library = llvm.find_llvm()
-    if library is None:
+    if library is None and device != "cuda":        # which needs none
         try:
             llvm.ensure_llvm()
         except EnvironmentProblem as error:

@@ -12,7 +12,7 @@ from spectrabox.measure.steps.declared_steps import needed_steps
 from spectrabox.radiometry.errors import InputError, SpectraboxError
 from spectrabox.session.config.session_file import FILE_NAME, SessionConfig
 from spectrabox.session.store import record_files
-from spectrabox.session.store.keys import InputFiles, input_files, step_keys
+from spectrabox.session.store.keys import GPU, InputFiles, input_files, step_keys
 from spectrabox.session.terminal.progress_display import StageProgress
 
 
@@ -63,7 +63,8 @@ class FinishedRun:
                 "stages": self.fingerprints()}
 
 
-def stage_states(config: SessionConfig, capture: Capture | None = None) -> list[StageState]:
+def stage_states(config: SessionConfig, capture: Capture | None = None,
+                 device: str | None = None) -> list[StageState]:
     """How far a session has come, and why any stage must be run again.
 
     Parameters
@@ -71,13 +72,16 @@ def stage_states(config: SessionConfig, capture: Capture | None = None) -> list[
     config : SessionConfig
     capture : Capture, optional
         Of the session, where it is read already.
+    device : {"auto", "cpu", "cuda"}, optional
+        That is to render; by default that of the stored results.
 
     Returns
     -------
     list of StageState
         Of all stages, in order.
     """
-    keys = step_keys(capture or config.capture(), InputFiles(config))
+    keys = step_keys(capture or config.capture(), InputFiles(config),
+                     device or _device_kept(config))
     states = [] if "chart" in keys else [StageState("chart", "not needed", (), None)]
     for name, key in keys.items():
         stored = record_files.load_stage(config.results_folder, name)
@@ -88,6 +92,13 @@ def stage_states(config: SessionConfig, capture: Capture | None = None) -> list[
                 else (f"its stored results {stored.fault}",)
             states.append(StageState(name, "stale" if reasons else "done", reasons, stored.seconds))
     return states
+
+
+def _device_kept(config: SessionConfig) -> str:
+    """The device that rendered what is stored."""
+    stored = [record_files.load_stage(config.results_folder, name) for name in stage_names(config)]
+    return next((GPU for stage in stored if stage is not None
+                 and stage.key.get("versions", {}).get("device") == GPU), "auto")
 
 
 def states_without_inputs(config: SessionConfig) -> list[StageState]:
@@ -129,18 +140,20 @@ def warn_of_stale_stages(config: SessionConfig, capture: Capture,
     return [state.name for state in stale]
 
 
-def kept_run(config: SessionConfig, progress: StageProgress) -> FinishedRun | None:
+def kept_run(config: SessionConfig, device: str, progress: StageProgress) -> FinishedRun | None:
     """Stored results of all stages where every one is up to date; None where something is to do.
 
     Parameters
     ----------
     config : SessionConfig
+    device : {"auto", "cpu", "cuda"}
+        Results of another are not up to date.
     progress : function of a stage, a share and a message
         Told that each is up to date.
     """
     capture = config.capture()
     stored = {}
-    for name, key in step_keys(capture, InputFiles(config)).items():
+    for name, key in step_keys(capture, InputFiles(config), device).items():
         stage = record_files.load_stage(config.results_folder, name)
         if stage is None or stage.fault or stage.key != key:
             return None

@@ -38,7 +38,8 @@ def run_stages(config: SessionConfig, *, device: str, only: str | None, force: b
     InputError
         If ``only`` names no stage of this session, or a stage before it is not up to date.
     """
-    keeper = FolderKeeper(config, only=only, force=force, progress=progress, shared=shared)
+    keeper = FolderKeeper(config, only=only, force=force, progress=progress, shared=shared,
+                          device=device)
     measurement.measure(keeper.finished.capture, keeper, device=device,
                         checkpoints=config.results_folder, before=before)
     return keeper.finished
@@ -50,15 +51,15 @@ class FolderKeeper:
 
     Parameters
     ----------
-    config, only, force, progress, shared
+    config, only, force, progress, shared, device
         As of ``run_stages``.
     """
 
     def __init__(self, config: SessionConfig, *, only: str | None, force: bool,
-                 progress: StageProgress, shared: Path | None) -> None:
+                 progress: StageProgress, shared: Path | None, device: str) -> None:
         self._config, self._inputs = config, keys.InputFiles(config)
         capture = config.capture()
-        self._keys = keys.step_keys(capture, self._inputs)
+        self._keys = keys.step_keys(capture, self._inputs, device)
         if only is not None and only not in self._keys:
             raise errors.InputError(f"there is no stage {only!r} in this session; it has "
                              f"{', '.join(self._keys)}")

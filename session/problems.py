@@ -208,7 +208,7 @@ def _run_up_to_tracing(config: SessionConfig, device: str, shared: Path | None
     long = next(name for name in kept_stages.stage_names(config) if name in LONG_STAGES)
     if load_stage(config.results_folder, long) is not None and any(
             state.name == long and state.state == "done"
-            for state in kept_stages.stage_states(config)):
+            for state in kept_stages.stage_states(config, device=device)):
         return None
     finished = pipeline.run_stages(config, device=device, only=None, force=False,
                           progress=lambda stage, done, what: None, before=long, shared=shared)

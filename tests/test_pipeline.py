@@ -86,6 +86,13 @@ def test_a_changed_photo_says_why_its_stages_are_stale(finished):
     assert found["reconstruct"].reasons == ("stages: calibrate changed",)
 
 
+def test_results_of_a_cpu_are_not_up_to_date_for_a_gpu(finished):
+    found = {state.name: state for state in stage_states(read_session(finished), "cuda")}
+    assert found["photo"].state == "done"               # which renders nothing
+    assert "versions: device is new" in found["reconstruct"].reasons
+    assert {state.state for state in stage_states(read_session(finished), "cpu")} == {"done"}
+
+
 def test_one_stage_can_be_run_alone(finished):
     edit(finished, "draws = 1000", "draws = 1100")
     assert run(finished, only="sample").states["sample"] == "run"

@@ -292,7 +292,7 @@ def run_session(folder: Path, allow_outside: bool = False, *, only: str | None =
         progress = with_time_left(show)
         all_of_them = wanted == [None] and after is None and not force
         with _with_all_faults(config):
-            kept = kept_run(config, progress) if all_of_them else None
+            kept = kept_run(config, device, progress) if all_of_them else None
             finished = kept or _finished_run(config, wanted, after, device, force, progress)
         if wanted[-1] not in (None, "sample") or after is not None:
             seconds = {stage: finished.stored[stage].seconds

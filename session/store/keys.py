@@ -41,6 +41,7 @@ LIBRARY = ("radiometry", "capture", "calibrate", "reconstruct", "sampling", "mea
 
 PACKAGES = ("spectrabox", "numpy", "scipy", "mitsuba", "drjit", "rawpy",
             "opencv-contrib-python-headless", "colour-science", "OpenImageIO", "exifread")
+GPU = "cuda"            # of --device; "auto" and "cpu" are one
 DECISIVE = ("spectrabox", "mitsuba", "drjit", "rawpy", "scipy", "opencv-contrib-python-headless")
 
 
@@ -229,7 +230,7 @@ def input_roles(config: SessionConfig) -> dict[str, str]:
 Key = dict[str, Any]
 
 
-def step_keys(capture: Capture, inputs: InputFiles) -> dict[str, Key]:
+def step_keys(capture: Capture, inputs: InputFiles, device: str = "auto") -> dict[str, Key]:
     """What the record of each step of a capture is made from.
 
     Parameters
@@ -237,6 +238,8 @@ def step_keys(capture: Capture, inputs: InputFiles) -> dict[str, Key]:
     capture : Capture
     inputs : InputFiles
         Takes the state of every file that a key names.
+    device : {"auto", "cpu", "cuda"}
+        That renders, where a step does: other bits come of a GPU.
 
     Returns
     -------
@@ -253,7 +256,8 @@ def step_keys(capture: Capture, inputs: InputFiles) -> dict[str, Key]:
     steps, installed = steps_of(capture), versions(DECISIVE)
     rendering = installed
     if any(step.renders for step in steps):
-        rendering = {**installed, "llvm": llvm_name()}
+        renders = {"device": GPU} if device == GPU else {"llvm": llvm_name()}
+        rendering = {**installed, **renders}
     code = room_digests(LIBRARY)
     keys: dict[str, Key] = {}
     for step in steps:
