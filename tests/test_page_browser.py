@@ -224,9 +224,9 @@ def test_pointing_shows_a_spectrum_and_a_run_can_be_stopped(tmp_path, opened):
         page.wait_for_selector("#comparison:has-text('green_wall | cube')")
 
 
-def test_all_that_flat_knows_is_stated_on_the_page(tmp_path, calibrated_flat, opened):
+def test_all_that_flat_knows_is_stated_on_the_page(tmp_path, opened):
     """Name, light, picture, a further photo through a filter, a truth; Undo takes each back."""
-    session = calibrated_flat
+    session = write_flat(tmp_path / "s")
     path = session / "session.toml"
     before = path.read_text(encoding="utf-8")
     write_photo(tmp_path / "filtered.dng", 0.5 * picture(), Fraction(1, 30),
