@@ -650,6 +650,10 @@ PHOTOS: dict[str, Text] = {
         "Corrections of the file", "The file states corrections of its values that are not applied "
         "({names:listed}).", "Develop it with the software of its maker, or with Adobe DNG "
         "Converter, to a linear DNG or 16-bit TIFF, and give that."),
+    "file.rolled-off": Text(
+        "Highlights", "Highlights were rolled off from {levels:levels} of full scale on "
+        "({bands:listed}): the noise there is pressed together. What lies above counts as clipped.",
+        "Develop the photo without highlight compression, filmic or recovery, or expose shorter."),
     "file.converted-colours": Text(
         "Negative colours", "{share:percent} of the picture are negative in {band}, down to "
         "{lowest:.1%} of white: the file holds a converted colour space, not camera signal.",
