@@ -623,6 +623,10 @@ PHOTOS: dict[str, Text] = {
     "file.levels": Text(
         "Levels of the file", "The file states black at {black:levels} and white at {white:levels} "
         "of its values: both are applied."),
+    "file.further-pictures": Text(
+        "Pictures in the file", "The first picture of the file was read, of {width} x {height} "
+        "pixels; it holds {count} more, of up to {largest_width} x {largest_height}.",
+        "Where another one is meant, write it as a file of its own."),
     "file.black-delta": Text(
         "Levels of the file", "The file states a black level of its own for each row or column "
         "(BlackLevelDelta): applied."),

@@ -439,3 +439,21 @@ def test_a_bright_card_that_fills_the_picture_is_not_clipped(level, corner, elec
     image = image_of_array(np.round(65535 * np.clip(card, 0, 1)).astype(np.uint16))
     assert not image.findings
     assert not image.saturated[image.signal < 0.98].any()
+
+
+# ---- several pictures in a file ------------------------------------------------------------------
+
+@pytest.mark.parametrize("first, severity", [(8, Severity.WARN), (1, Severity.NOTE)])
+def test_further_pictures_of_a_file_are_named(tmp_path, first, severity):
+    picture = np.rint(noisy(patches(0.8)) * 60000).clip(0, 65535).astype(np.uint16)
+    pages = [np.ascontiguousarray(picture[::step, ::step]) for step in (first, 9 - first)]
+    specs = [oiio.ImageSpec(page.shape[1], page.shape[0], 3, "uint16") for page in pages]
+    path, file = tmp_path / "pages.tif", oiio.ImageOutput.create("pages.tif")
+    for page, spec, mode in zip(pages, specs, ("Create", "AppendSubimage"), strict=True):
+        assert file.open(str(path), spec, mode)
+        assert file.write_image(page)
+    file.close()
+    image = open_photo(path)
+    found, = [one for one in image.findings if one.code == "file.further-pictures"]
+    assert image.signal.shape == pages[0].shape and found.severity is severity
+    assert found.values["count"] == 1 and found.values["largest_width"] == pages[1].shape[1]
