@@ -623,6 +623,10 @@ PHOTOS: dict[str, Text] = {
     "file.levels": Text(
         "Levels of the file", "The file states black at {black:levels} and white at {white:levels} "
         "of its values: both are applied."),
+    "file.further-pictures": Text(
+        "Pictures in the file", "The first picture of the file was read, of {width} x {height} "
+        "pixels; it holds {count} more, of up to {largest_width} x {largest_height}.",
+        "Where another one is meant, write it as a file of its own."),
     "file.black-delta": Text(
         "Levels of the file", "The file states a black level of its own for each row or column "
         "(BlackLevelDelta): applied."),
@@ -650,6 +654,10 @@ PHOTOS: dict[str, Text] = {
         "Corrections of the file", "The file states corrections of its values that are not applied "
         "({names:listed}).", "Develop it with the software of its maker, or with Adobe DNG "
         "Converter, to a linear DNG or 16-bit TIFF, and give that."),
+    "file.rolled-off": Text(
+        "Highlights", "Highlights were rolled off from {levels:levels} of full scale on "
+        "({bands:listed}): the noise there is pressed together. What lies above counts as clipped.",
+        "Develop the photo without highlight compression, filmic or recovery, or expose shorter."),
     "file.converted-colours": Text(
         "Negative colours", "{share:percent} of the picture are negative in {band}, down to "
         "{lowest:.1%} of white: the file holds a converted colour space, not camera signal.",

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 import spectrabox as sb
 from spectrabox.capture.develop.developed import develop_photos
+from spectrabox.capture.photo.image_files import image_of_array
 from spectrabox.capture.photo.image_rows import open_rows
 from spectrabox.capture.photo.linear import open_photo
 from spectrabox.fixtures.chart_scene import mosaic
@@ -389,3 +390,70 @@ def test_negative_colours_say_a_converted_colour_space_and_noise_does_not():
     assert not sb.open_photo(converted).findings
     converted[40:80, 40:80] = noisy(np.full((40, 40, 3), [0.05, 0.4, 0.5])) - [0.09, 0, 0]
     assert [one.code for one in sb.open_photo(converted).findings] == ["file.converted-colours"]
+
+
+# ---- highlights that are rolled off --------------------------------------------------------------
+
+def rolled(linear, knee):
+    """A curve that is linear up to the knee and then comes near to 1 without reaching it."""
+    over = np.maximum(linear - knee, 0)
+    return np.where(linear < knee, linear, 1 - (1 - knee) * np.exp(-over / (1 - knee)))
+
+
+def bright_scene(brightest, rng, electrons=20000):
+    """Dark parts, a wedge up to this and its photon noise, in one band (H, W)."""
+    y, x = np.mgrid[:640, :960]
+    scene = 0.03 + 0.12 * (np.sin(x / 71) * np.cos(y / 57) + 1)
+    scene[80:480, 80:800] = np.linspace(0.3, brightest, 720)
+    return scene + np.sqrt(2e-6 + scene / electrons) * rng.standard_normal(scene.shape)
+
+
+@pytest.mark.parametrize("knee", [0.9, 0.8, 0.6])
+@pytest.mark.parametrize("brightest", [1.3, 2.0])
+def test_rolled_off_highlights_count_as_clipped(knee, brightest):
+    rng = np.random.default_rng(int(100 * knee + brightest))
+    linear = np.stack([bright_scene(one, rng) for one in (0.9, brightest, 0.9)], axis=2)
+    values = np.round(65535 * np.clip(np.stack([
+        linear[..., 0], rolled(linear[..., 1], knee), linear[..., 2]], axis=2), 0, 1))
+    image = image_of_array(values.astype(np.uint16))
+    found, = [one for one in image.findings if one.code == "file.rolled-off"]
+    assert found.values["bands"] == ["G"]
+    assert not image.saturated[..., [0, 2]].any()
+    # what is not clipped is off by less than the curve is where its slope is .6; five sigma
+    # of photon noise
+    kept = ~image.saturated[..., 1]
+    off = np.abs(image.signal[..., 1] - linear[..., 1])[kept]
+    limit = knee - (1 - knee) * np.log(0.6) - (1 - 0.6 * (1 - knee))
+    assert off.max() < limit + 5 * np.sqrt(1 / 20000)
+    assert np.mean(image.saturated[..., 1]) > 0.5 * np.mean(linear[..., 1] > 1)
+
+
+@pytest.mark.parametrize("level", [0.5, 0.9])
+@pytest.mark.parametrize("corner", [0.0, 0.1, 0.4])
+@pytest.mark.parametrize("electrons", [3000, 100_000])
+def test_a_bright_card_that_fills_the_picture_is_not_clipped(level, corner, electrons):
+    rng = np.random.default_rng(7)
+    y, x = np.mgrid[-1:1:480j, -1:1:640j]
+    card = np.repeat((level * (1 - corner * (x**2 + y**2) / 2))[..., None], 3, axis=2)
+    card += np.sqrt(1e-6 + card / electrons) * rng.standard_normal(card.shape)
+    image = image_of_array(np.round(65535 * np.clip(card, 0, 1)).astype(np.uint16))
+    assert not image.findings
+    assert not image.saturated[image.signal < 0.98].any()
+
+
+# ---- several pictures in a file ------------------------------------------------------------------
+
+@pytest.mark.parametrize("first, severity", [(8, Severity.WARN), (1, Severity.NOTE)])
+def test_further_pictures_of_a_file_are_named(tmp_path, first, severity):
+    picture = np.rint(noisy(patches(0.8)) * 60000).clip(0, 65535).astype(np.uint16)
+    pages = [np.ascontiguousarray(picture[::step, ::step]) for step in (first, 9 - first)]
+    specs = [oiio.ImageSpec(page.shape[1], page.shape[0], 3, "uint16") for page in pages]
+    path, file = tmp_path / "pages.tif", oiio.ImageOutput.create("pages.tif")
+    for page, spec, mode in zip(pages, specs, ("Create", "AppendSubimage"), strict=True):
+        assert file.open(str(path), spec, mode)
+        assert file.write_image(page)
+    file.close()
+    image = open_photo(path)
+    found, = [one for one in image.findings if one.code == "file.further-pictures"]
+    assert image.signal.shape == pages[0].shape and found.severity is severity
+    assert found.values["count"] == 1 and found.values["largest_width"] == pages[1].shape[1]

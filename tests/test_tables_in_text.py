@@ -282,3 +282,62 @@ def test_envi_libraries_of_the_field_are_applied_and_said(name, missing, note):
     np.testing.assert_array_equal(table.nm[gone], missing)
     # integers of 1e-4, else single precision
     np.testing.assert_allclose(table.values[0][~gone], green(table.nm[~gone]), atol=6e-5)
+
+
+# ---- tables with several axes, or other marks ----------------------------------------------------
+
+NM_OF = np.arange(380.0, 1021.0, 20.0)
+OF = 0.08 + 0.7 / (1 + np.exp(-(NM_OF - 580) / 17))
+
+
+def table_file(folder, header, rows):
+    path = folder / "table.csv"
+    path.write_text(header + "\n" + "".join(f"{row}\n" for row in rows), encoding="utf-8")
+    return path
+
+
+def test_wavelengths_beside_every_spectrum_are_no_spectrum(tmp_path):
+    header = "white,,brick,,\nWavelength (nm),%R,Wavelength (nm),%R,"
+    path = table_file(tmp_path, header, [f"{nm:.2f},95.000,{nm:.2f},{100 * one:.4f},"
+                                         for nm, one in zip(NM_OF[::-1], OF[::-1], strict=True)])
+    table = read_table(path)
+    assert table.names == ("%R", "%R (2)")
+    np.testing.assert_allclose(table.values[1], 100 * OF, atol=1e-4)     # as written
+    other = table_file(tmp_path, header, [f"{nm:.2f},95.000,{nm + 5:.2f},{100 * one:.4f},"
+                                          for nm, one in zip(NM_OF, OF, strict=True)])
+    with pytest.raises(InputError, match="wavelengths of its own"):
+        read_table(other)
+
+
+@pytest.mark.parametrize("decimals, read", [(1, True), (0, False)])
+def test_no_row_is_lost_behind_a_mark_of_thousands(tmp_path, decimals, read):
+    path = table_file(tmp_path, "wavelength,reflectance", [
+        f'"{nm:,.{decimals}f}",{one:.5f}' for nm, one in zip(NM_OF, OF, strict=True)])
+    if read:
+        table = read_table(path)
+        np.testing.assert_allclose(table.nm, NM_OF)
+        np.testing.assert_allclose(table.values[0], OF, atol=1e-5)      # as written
+    else:
+        with pytest.raises(InputError, match="1,000"):
+            read_table(path)
+
+
+def test_an_axis_is_found_beside_pixels_and_wavenumbers(tmp_path):
+    path = table_file(tmp_path, "Pixel;Wavelength;Wavenumber;Raman Shift;%R", [
+        f"{pixel};{nm:.2f};{1e7 / nm:.2f};;{100 * one:.4f}".replace(".", ",")
+        for pixel, (nm, one) in enumerate(zip(NM_OF, OF, strict=True))])
+    table = read_table(path)
+    np.testing.assert_allclose(table.nm, NM_OF)
+    np.testing.assert_allclose(table.values[table.names.index("%R")], 100 * OF, atol=1e-4)
+
+
+@pytest.mark.parametrize("unit, factor", [("0-100", 0.01), ("‰", None)])
+def test_other_scales_of_reflectance_are_read_or_refused_by_name(tmp_path, unit, factor):
+    path = table_file(tmp_path, f"wavelength (nm),reflectance ({unit})", [
+        f"{nm:.0f},{one:.5f}" for nm, one in zip(NM_OF, OF, strict=True)])
+    if factor is None:
+        with pytest.raises(InputError, match=unit):
+            read_spectrum(path, role=Quantity.REFLECTANCE)
+    else:
+        found = read_spectrum(path, role=Quantity.REFLECTANCE)
+        np.testing.assert_allclose(found.values, factor * OF, atol=1e-6)    # five digits

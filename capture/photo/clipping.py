@@ -10,19 +10,29 @@ the windows below. A pile is a window
     and of which at least ``SHARE_AT_ONE`` have one value, within s / 30: so that texture, which
     makes noise look larger than it is, does not make a pile of a plain part.
 
+A developer that rolls highlights off piles them up at no one value, but presses their noise
+together with them: where its curve has a slope d, the variance is d^2 of what the line of the noise
+says. Where flat tiles have less than half of it from some level on to the brightest, less than a
+quarter in the end, and all of it below that level, what lies above counts as clipped. A card that
+is plainly bright scatters as it should; a curve that bends everywhere has no such level.
+
 The noise is that of the darker part of the picture, where nothing is clipped, and its line is
 drawn on to v. Where it is less than 1.5 steps of the file nothing can be told: a picture without
 noise, as it is computed or smoothed, has plain parts of one value.
 """
 from __future__ import annotations
 
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Sequence
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 from spectrabox.capture.photo.noise import LARGE_TILE, photon_transfer
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.findings import Finding, Severity
+from spectrabox.radiometry.records.spectra import default_band_names
 
 SAMPLES = 1_000_000         # of a band, enough for a histogram
 MIN_PILED = 50              # samples, of about a million; of fewer a part
@@ -35,9 +45,20 @@ WINDOWS_PER_SIGMA, WINDOWS_BELOW = 3, 3
 MIN_SIGMA_STEPS = 1.5       # noise that would have spread the pile
 DARKER = 0.7                # of the brightest: below it noise is measured
 NOISE_TILES = 2000          # that tell it to 3 %; the whole picture where some rows have none dark
+# of the variance by the line: in the end, from where on, and below, of a shoulder
+QUIET, PRESSED, HOLDS = 0.25, 0.5, (0.7, 1.5)
+LEVEL_STEP, LEVEL_TILES, MAX_LEVEL = 0.03, 8, 40    # of the brightest; flat tiles of a level
+FLAT = 0.15                 # range of the pixels of a tile, of their mean, beyond 8 sigma
 TOP_PERCENTILE = 99.9       # that the brightest is taken for
 STEP_PERCENTILE = 5         # of the distances of neighbouring values: one step of the file
 MIN_VALUES = 16             # that tell it
+
+
+class Clip(NamedTuple):
+    """Where a band clips: ``soft`` where highlights were rolled off from there on."""
+
+    level: float
+    soft: bool
 
 
 def pile_of(values: np.ndarray, sigma: Callable[[np.ndarray], np.ndarray]) -> float | None:
@@ -80,8 +101,8 @@ def pile_of(values: np.ndarray, sigma: Callable[[np.ndarray], np.ndarray]) -> fl
 
 
 def clip_levels(signal: np.ndarray, quantum: np.ndarray | float, source: str = "",
-                known: np.ndarray | None = None) -> list[float | None]:
-    """Signal (K) at which each band of a picture clips; None where none piles up.
+                known: np.ndarray | None = None) -> list[Clip | None]:
+    """Where each of K bands of a picture clips; None where none piles up.
 
     Parameters
     ----------
@@ -96,14 +117,71 @@ def clip_levels(signal: np.ndarray, quantum: np.ndarray | float, source: str = "
     """
     stride = max(1, int(np.sqrt(signal[..., 0].size / SAMPLES)))
     steps = np.broadcast_to(quantum, signal.shape[2])
-    clips = []
+    clips: list[Clip | None] = []
     for band, step in enumerate(steps):
-        line = dark_noise(signal[..., band], float(step), source,
-                          None if known is None else known[..., band])
-        clips.append(None if line is None else pile_of(
-            np.ascontiguousarray(signal[::stride, ::stride, band]).ravel(),
-            partial(_sigma_at, line)))
+        plane = signal[..., band]
+        line = dark_noise(plane, float(step), source, None if known is None else known[..., band])
+        soft = None if line is None else shoulder_of(plane, line, float(step))
+        pile = None if line is None else pile_of(
+            np.ascontiguousarray(plane[::stride, ::stride]).ravel(), partial(_sigma_at, line))
+        if soft is not None and (pile is None or soft < (1 - 2 * LEVEL_STEP) * pile):
+            clips.append(Clip(soft, True))
+        else:
+            clips.append(None if pile is None else Clip(pile, False))
     return clips
+
+
+def rolled_off(clips: Sequence[Clip | None]) -> tuple[Finding, ...]:
+    """That highlights were rolled off, with the level in each band that was.
+
+    Parameters
+    ----------
+    clips : sequence of K Clip or None
+    """
+    names = default_band_names(len(clips))
+    soft = {name: clip.level for name, clip in zip(names, clips, strict=True)
+            if clip is not None and clip.soft}
+    return (Finding("file.rolled-off", Severity.NOTE, values={
+        "bands": list(soft), "levels": list(soft.values())}),) if soft else ()
+
+
+def shoulder_of(plane: np.ndarray, line: tuple[float, float], step: float) -> float | None:
+    """The value (H, W) above which noise is pressed together up to the brightest; None where it is
+    not.
+
+    Parameters
+    ----------
+    plane : (H, W) array
+        Of one band.
+    line : tuple of float
+        As of ``dark_noise``.
+    step : float
+        Of the file.
+    """
+    some = _rows_of_tiles(plane, max(1, plane.size // (NOISE_TILES * LARGE_TILE**2)))
+    rows, columns = (side // LARGE_TILE for side in some.shape)
+    tiles = some[:rows * LARGE_TILE, :columns * LARGE_TILE].reshape(
+        rows, LARGE_TILE, columns, LARGE_TILE).swapaxes(1, 2).astype(np.float32)
+    mean = tiles.mean(axis=(2, 3), dtype=float)
+    sigma = _sigma_at(line, mean)
+    flat = np.ptp(tiles, axis=(2, 3)) <= FLAT * np.maximum(mean, 0) + 8 * sigma
+    second = tiles[..., :-2] - 2 * tiles[..., 1:-1] + tiles[..., 2:]
+    share = (np.mean(np.square(second), axis=(2, 3), dtype=float) / 6 / sigma**2)[flat]
+    mean = mean[flat]
+    if not mean.size or mean.max() <= 0 or _sigma_at(line, mean.max()) < MIN_SIGMA_STEPS * step:
+        return None
+    width = LEVEL_STEP * float(mean.max())
+    level = np.minimum((mean / width).astype(int), MAX_LEVEL)
+    shares = {int(one): float(np.median(share[level == one])) for one in np.unique(level)
+              if np.count_nonzero(level == one) >= LEVEL_TILES}
+    pressed = list(itertools.takewhile(lambda one: shares[one] < PRESSED, sorted(shares)[::-1]))
+    if not pressed or min(shares[one] for one in pressed) > QUIET:
+        return None
+    onset = pressed[-1]
+    below = [one for one in shares if onset / 2 <= one < onset]
+    if sum(HOLDS[0] <= shares[one] <= HOLDS[1] for one in below) < max(2, len(below) / 2):
+        return None
+    return onset * width
 
 
 def _sigma_at(line: tuple[float, float], level: np.ndarray) -> np.ndarray:

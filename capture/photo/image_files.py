@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.capture.photo import stored_images
-from spectrabox.capture.photo.clipping import clip_levels
+from spectrabox.capture.photo.clipping import clip_levels, rolled_off
 from spectrabox.capture.photo.noise import photon_transfer
 from spectrabox.capture.photo.processed_photos import require_no_processed_file
 from spectrabox.radiometry.appearance import decode_srgb
@@ -111,18 +111,20 @@ def _clip_and_step(signal: np.ndarray, kind: str) -> tuple[float, float]:
 
 
 def _clipped_and_noise(signal: np.ndarray, clips: np.ndarray, quantum: float, name: str,
-                       piles: bool = True) -> tuple[np.ndarray, np.ndarray]:
+                       piles: bool = True
+                       ) -> tuple[np.ndarray, np.ndarray, tuple[Finding, ...]]:
     """Which pixels (H, W, K) are saturated, above a clip point (K,) or where a band piles up below
-    it, and their variance, as they tell it themselves.
+    it, their variance, as they tell it themselves, and what is found of bands that are rolled off.
     """
     saturated = signal >= clips.astype(np.float32)
-    for band, clip in enumerate(clip_levels(signal, quantum, name, saturated) if piles else ()):
+    found = clip_levels(signal, quantum, name, saturated) if piles else []
+    for band, clip in enumerate(found):
         if clip is not None:
-            saturated[..., band] |= signal[..., band] >= CLIP_FRACTION * clip
+            saturated[..., band] |= signal[..., band] >= CLIP_FRACTION * clip.level
     variance = photon_transfer(signal, saturated, quantum, name).variance(signal)
     for array in (signal, saturated, variance):
         array.flags.writeable = False  # the record then keeps them without a copy
-    return saturated, variance
+    return saturated, variance, rolled_off(found)
 
 
 def converted_colours(signal: np.ndarray, variance: np.ndarray) -> tuple[Finding, ...]:
@@ -154,8 +156,8 @@ def _linear_image(signal: np.ndarray, header: stored_images.PictureHeader, clips
     """A photo whose noise and saturation its own pixels tell."""
     stored_images.require_finite(header.path.name, signal)
     linear = kind is PhotoKind.LINEAR_FILE
-    saturated, variance = _clipped_and_noise(signal, clips, quantum, header.path.name, linear)
-    findings = (*header.findings, *converted_colours(signal, variance)) if linear else ()
+    saturated, variance, soft = _clipped_and_noise(signal, clips, quantum, header.path.name, linear)
+    findings = (*header.findings, *soft, *converted_colours(signal, variance)) if linear else ()
     return LinearImage(
         signal=signal, variance=variance, saturated=saturated, sensor_step=1.0,
         exposure_s=header.positive("ExposureTime"),
@@ -222,11 +224,12 @@ def image_of_array(values: np.ndarray) -> LinearImage:
     signal = (values / np.float32(scale)).astype(np.float32)
     stored_images.require_finite(ARRAY, signal)
     clip, step = _clip_and_step(signal, kind)
-    saturated, variance = _clipped_and_noise(signal, np.full(signal.shape[2], clip), step, ARRAY)
+    saturated, variance, soft = _clipped_and_noise(signal, np.full(signal.shape[2], clip), step,
+                                                   ARRAY)
     return LinearImage(signal=signal, variance=variance, saturated=saturated, sensor_step=1.0,
                        exposure_s=None, iso=None, f_number=None, kind=PhotoKind.LINEAR_FILE,
                        camera="", source=ARRAY, sha256=hashlib.sha256(signal.tobytes()).hexdigest(),
-                       findings=converted_colours(signal, variance))
+                       findings=(*soft, *converted_colours(signal, variance)))
 
 
 def read_encoded_file(path: str | os.PathLike[str]) -> LinearImage:

@@ -8,13 +8,20 @@ from __future__ import annotations
 import itertools
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from spectrabox.capture.photo import raw
-from spectrabox.capture.photo.clipping import SAMPLES, clip_levels, dark_noise, pile_of
+from spectrabox.capture.photo.clipping import (
+    SAMPLES,
+    clip_levels,
+    dark_noise,
+    pile_of,
+    rolled_off,
+)
 from spectrabox.capture.photo.image_files import read_linear_file
 from spectrabox.capture.photo.noise import PhotonTransfer, photon_transfer
 from spectrabox.capture.photo.opcodes import gains_at
@@ -225,9 +232,10 @@ def full_colour_image(frame: raw.FullColourFrame) -> photos.LinearImage:
     saturated = frame.pixels >= limits.astype(np.uint16)
     if frame.linear_limit < 1:
         saturated |= signal >= frame.linear_limit
-    for band, clip in enumerate(clip_levels(signal, 1 / scale, frame.file, saturated)):
+    clips = clip_levels(signal, 1 / scale, frame.file, saturated)
+    for band, clip in enumerate(clips):
         if clip is not None:
-            saturated[..., band] |= signal[..., band] >= CLIP_FRACTION * clip
+            saturated[..., band] |= signal[..., band] >= CLIP_FRACTION * clip.level
     noise = photon_transfer(signal, saturated, 1 / scale, frame.file)
     variance = noise.variance(signal)
     if frame.gain_maps:
@@ -238,6 +246,7 @@ def full_colour_image(frame: raw.FullColourFrame) -> photos.LinearImage:
                              np.arange(width), band)
             signal[rows, :, band] *= gains
             variance[rows, :, band] *= np.square(gains)
+    frame = replace(frame, findings=(*frame.findings, *rolled_off(clips)))
     return _image(frame, signal, variance, saturated, 1.0, photos.PhotoKind.LINEAR_FILE)
 
 

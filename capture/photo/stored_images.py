@@ -28,6 +28,7 @@ IMAGE_SUFFIXES = (".exr", ".tif", ".tiff", ".png", ".jpg", ".jpeg")
 LINEAR_FORMATS = ("openexr", "tiff")
 FULL_SCALE = {"uint8": 255, "uint16": 65535}  # of integer files
 FLOATS = ("half", "float", "double")          # hold the signal itself
+MAX_PICTURES = 20       # of one file, that are counted
 NOT_BANDS = ("A", "ALPHA", "Z", "DEPTH")
 VARIANCE, SATURATED = "variance.", "saturated."  # channels of a developed photo, of each band
 # memory that decoding takes, besides a value in the type of its file, by what is made of it
@@ -74,11 +75,14 @@ class PictureHeader:
     spec : oiio.ImageSpec
     file_format : str
         As OpenImageIO names it.
+    further : tuple of (width, height)
+        Of further pictures in the file, which are not read.
     """
 
     path: Path
     spec: oiio.ImageSpec
     file_format: str
+    further: tuple[tuple[int, int], ...] = ()
 
     @property
     def kind(self) -> str:
@@ -178,12 +182,19 @@ class PictureHeader:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What its tags state of its values, which is applied."""
-        if self.levels is None:
-            return ()
-        return (Finding("file.levels", Severity.INFO, values={
+        """What its tags state of its values, which is applied, and pictures that are not read."""
+        findings = [] if self.levels is None else [Finding("file.levels", Severity.INFO, values={
             "black": [float(level) for level in self.levels.black.mean(axis=(0, 1))],
-            "white": [float(level) for level in self.levels.white]}),)
+            "white": [float(level) for level in self.levels.white]})]
+        if self.further:
+            width, height = max(self.further, key=lambda size: size[0] * size[1])
+            own = self.spec.width, self.spec.height
+            findings.append(Finding(
+                "file.further-pictures", Severity.WARN if width * height > own[0] * own[1]
+                else Severity.NOTE, values={"count": len(self.further), "width": own[0],
+                                            "height": own[1], "largest_width": width,
+                                            "largest_height": height}))
+        return tuple(findings)
 
     def full_scale(self) -> int:
         """What white of the format reads in a file of linear values: 1 for floats.
@@ -249,11 +260,15 @@ def stored_values(path: Path, working_bytes: float) -> tuple[np.ndarray, Picture
     # in the type of the file: asking for floats would scale integers
     values = file.read_image("unknown")
     failed, trouble = file.has_error, reason_of(file)
+    further = []
+    while len(further) < MAX_PICTURES and file.seek_subimage(len(further) + 1, 0):
+        other = file.spec()
+        further.append((other.width, other.height))
     file.close()
     if values is None or failed:
         raise InputError(f"photo {path.name} cannot be read to its end ({trouble}); copy or "
                          "export it again")
-    return values, PictureHeader(path, spec, file.format_name())
+    return values, PictureHeader(path, spec, file.format_name(), tuple(further))
 
 
 def require_decodable(path: Path, spec: oiio.ImageSpec, rows: int, working_bytes: float) -> None:

@@ -431,7 +431,9 @@ def _refuse_percent(table: SpectralTable) -> None:
             of = f" of column {name!r}" if len(table.names) > 1 else ""
             raise InputError(f"{table.file}: a reflectance of {largest:.3g}{of} looks like "
                              "percent; give fractions of 1, state '# unit: percent', or say it: "
-                             f"{units.remedy('percent')}")
+                             f"{units.remedy('percent')}" + (
+                                 " (or --unit fraction, where that column alone is of another kind)"
+                                 if of else ""))
 
 
 def require_fraction(value: float, name: str) -> None:
@@ -473,6 +475,9 @@ def check_reflectance(values: np.ndarray, nm: np.ndarray, name: str) -> None:
     if not np.all(np.isfinite(visible)):
         raise InputError(f"{name}: a reflectance between 400 and 700 nm is not a finite number; "
                          "measure or export the missing part")
+    if visible.max() > MAX_PERCENT:
+        raise InputError(f"{name}: a reflectance of {visible.max():.4g} is neither a fraction of 1 "
+                         "nor percent; divide it by what a perfect white reads")
     if visible.max() > MAX_REFLECTANCE:
         raise InputError(f"{name}: a reflectance of {visible.max():.3g} looks like percent; "
                          "give fractions of 1, or state '# unit: percent'")

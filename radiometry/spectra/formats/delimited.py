@@ -160,8 +160,11 @@ def read_delimited(content: bytes, path: Path,
     axis = _axis_column(header, table.unit_row)
     filled = [index for index in range(columns) if header[index]
               or np.isfinite(table.numbers[:, index]).any()]
-    kept = [index for index in range(filled[-1] + 1) if index != axis]
+    again = _axis_again(table.numbers, header, axis, path.name)
+    kept = [index for index in range(filled[-1] + 1) if index != axis and index not in again]
     names = [words.from_cell(header[index]) or f"column {index + 1}" for index in kept]
+    if again:
+        names = list(measurement_table.distinct(names))
     column_facts = {} if "unit" in facts else _column_facts(table, kept, names, facts)
     if "unit" not in facts and table.stated_y is not None:
         quantity, unit = units.stated_values(table.stated_y, is_unit=True)
@@ -232,7 +235,28 @@ def _axis_column(header: list[str], unit_row: list[str]) -> int:
     if not header or named(header[0]) or (unit_row and units.stated_axis(unit_row[0])[0]):
         return 0
     others = [index for index, cell in enumerate(header) if named(cell)]
+    if len(others) > 1:     # beside wavenumbers
+        others = [index for index in others if units.IS_WAVELENGTH.match(header[index].strip())]
     return others[0] if len(others) == 1 else 0
+
+
+def _axis_again(numbers: np.ndarray, header: list[str], axis: int, name: str) -> list[int]:
+    """Columns that repeat the wavelengths, as a Cary writes them beside each spectrum.
+
+    Raises
+    ------
+    InputError
+        If one holds other wavelengths than the first.
+    """
+    again = [index for index, cell in enumerate(header) if index != axis and cell
+             and cell == header[axis] and units.WAVELENGTH.match(cell.strip())]
+    for index in again:
+        other, own = numbers[:, index], numbers[:, axis]
+        both = np.isfinite(other) & np.isfinite(own)
+        if np.any(np.abs(other - own)[both] > 1e-4 * np.abs(own[both])):
+            raise InputError(f"{name}: column {index + 1} holds wavelengths of its own, other than "
+                             "the first: export its spectra one by one, or on common wavelengths")
+    return again
 
 
 def _wavelengths_nm(table: text_table.TextTable, header: list[str], axis: int, name: str,

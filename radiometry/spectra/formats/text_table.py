@@ -22,6 +22,8 @@ BLANKS = " "
 LAYOUTS = (("\t", "."), (";", "."), (",", "."), ("\t", ","), (";", ","), (BLANKS, "."),
            (BLANKS, ","), (",", ","))
 NUMBER = re.compile(r"[+\-−]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+\-]?\d+)?")
+GROUPED = re.compile(r"[+\-−]?\d{1,3}(?:,\d{3})+\.\d*")        # 1,000.5
+THOUSAND = re.compile(r"\d{1,3}(?:[,.' \u00a0\u202f]\d{3})+")   # or a number with a decimal mark
 FIRST_NUMBER = re.compile(r"\s*[\"']?[+\-−]?[\d.,]")
 MISSING = {"", "-", "--", "na", "n/a", "nan", "null", "none", "inf", "-inf", "+inf", "#n/a"}
 COMMENT = re.compile(r"\s*(?:#|%|//|!|\*)+\s*")
@@ -81,6 +83,8 @@ def cells_of(line: str, delimiter: str) -> list[str]:
 def number(cell: str, decimal: str = ".") -> float:
     """A number with that decimal mark, or NaN; a sign of per cent after it is passed over."""
     text = cell.strip().removesuffix("%").rstrip()
+    if decimal == "." and GROUPED.fullmatch(text):
+        text = text.replace(",", "")
     if decimal == "," and "," in text:
         if "." in text:
             return float("nan")
@@ -214,6 +218,11 @@ def _after_and_before(lines: Sequence[str], block: _Block, name: str) -> tuple[s
     """
     axis = np.array([axis_number(row[0], block.layout[1]) for row in block.cells])
     step = float(np.median(np.diff(axis)))
+    following = cells_of(lines[block.lines[-1] + 1], block.layout[0]) \
+        if block.lines[-1] + 1 < len(lines) else []
+    if len(following) == len(block.cells[-1]) and THOUSAND.fullmatch(following[0]):
+        raise InputError(f"{name}: {following[0]!r} stands where a wavelength is needed (line "
+                         f"{block.lines[-1] + 2}); write it without a mark between thousands")
     notes = []
     candidates = [index for index, line in enumerate(lines) if FIRST_NUMBER.match(line)
                   and not block.lines[0] <= index <= block.lines[-1]]

@@ -41,6 +41,7 @@ AXIS_WORDS = {
 SHORT = {"a", "m"}              # a unit in brackets alone: elsewhere they are words
 WAVELENGTH = re.compile(r"(?:wave|wvl|wl\b|wl_|lambda|λ|nm\b|nanomet|micromet|micron\b|frequency"
                         r"|energy|photon energy)", re.IGNORECASE)
+IS_WAVELENGTH = re.compile(r"wave(?!\s*n)|wvl|wl\b|wl_|lambda|λ|nm\b", re.IGNORECASE)
 # what a wavelength may be said to be measured in without a unit
 MEDIA = {"air", "in air", "vac", "vacuum", "in vacuum"}
 # Axes that are no wavelengths, as whole header cells.
@@ -51,6 +52,7 @@ BRACKETS = re.compile(r"[(\[{]\s*([^()\[\]{}]*(?:\([^()]*\))?[^()\[\]{}]*?)\s*[)
 PERCENT, FRACTION, COUNTS, RELATIVE = "percent", "1", "counts", "relative"
 VALUE_WORDS = {
     "%": PERCENT, "percent": PERCENT, "per cent": PERCENT, "pct": PERCENT, "percentage": PERCENT,
+    "0-100": PERCENT, "0..100": PERCENT, "0 to 100": PERCENT, "0–100": PERCENT,
     "1": FRACTION, "fraction": FRACTION, "0-1": FRACTION, "0..1": FRACTION, "0 to 1": FRACTION,
     "unitless": FRACTION, "dimensionless": FRACTION, "ratio": FRACTION, "counts": COUNTS,
     "count": COUNTS, "cts": COUNTS,
@@ -59,8 +61,8 @@ VALUE_WORDS = {
     "arb.": RELATIVE, "arb. u.": RELATIVE, "arbitrary": RELATIVE, "arbitrary units": RELATIVE,
     "relative": RELATIVE, "rel.": RELATIVE}
 # Units in brackets of a column's name that are units, though none of a spectrum that is wanted here
-OTHER_UNITS = re.compile(r"mol|photon|absorb|\babs\b|log|^(?:[mu]?v|lux|lx|db|od|cd|w|lm|k|nit)\b",
-                         re.IGNORECASE)
+OTHER_UNITS = re.compile(r"mol|photon|‰|per ?mille?|pp[mb]\b|absorb|\babs\b|log"
+                         r"|^(?:[mu]?v|lux|lx|db|od|cd|w|lm|k|nit)\b", re.IGNORECASE)
 QUANTITIES = ("reflectance", "transmittance", "absorbance", "irradiance", "radiance",
               "absorptance")
 SYNONYMS = {"transmission": "transmittance", "reflection": "reflectance", "reflect.":
