@@ -10,6 +10,7 @@ the outline from ``add_outline_gradient``. Vertices v follow uniform Adam in u =
 from __future__ import annotations
 
 import copy
+import hashlib
 import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Sequence
@@ -18,8 +19,10 @@ from pathlib import Path
 
 import numpy as np
 
+from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.records.scenes import Reconstruction
 from spectrabox.radiometry.records.spectra import Outcome, Progress
+from spectrabox.radiometry.system.archives import DamagedArchiveError, opened_npz
 from spectrabox.reconstruct.gradient_engine import reflectance_key, stalled
 from spectrabox.reconstruct.inverse_rendering import reconstruct
 from spectrabox.reconstruct.rendering.renderer import render
@@ -85,8 +88,8 @@ def sphere(centre: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def reconstruct_shape(views: Sequence[PhotoView], shape_id: str, vertices: np.ndarray,
-                      faces: np.ndarray, settings: ShapeSettings,
-                      progress: Progress) -> ShapeReconstruction:
+                      faces: np.ndarray, settings: ShapeSettings, progress: Progress,
+                      checkpoint: Path | None = None) -> ShapeReconstruction:
     """Mesh and spectrum that explain several photos of one object.
 
     Parameters
@@ -101,14 +104,26 @@ def reconstruct_shape(views: Sequence[PhotoView], shape_id: str, vertices: np.nd
         Anticlockwise seen from outside.
     settings : ShapeSettings
     progress : function of (fraction done, what is being done)
+    checkpoint : Path, optional
+        File that takes every finished stage, and from which a fit of the same photos, start mesh
+        and seed goes on; its stages may have become more. The end has the same bits.
     """
     radius = float(np.ptp(vertices, axis=0).mean() / 2)
     coefficients = np.empty(0)
     losses: list[float] = []
+    history: list[float] = []
     total = sum(stage.steps for stage in settings.stages)
+    asked = "" if checkpoint is None else _digest(views, shape_id, vertices, faces, settings)
+    finished = 0
+    if checkpoint is not None and (kept := _finished_stages(checkpoint, asked, settings)):
+        finished, vertices, faces, coefficients, losses = kept
+        history = losses[-settings.stages[finished - 1].steps:]
     with tempfile.TemporaryDirectory() as folder:
         done = 0
         for number, stage in enumerate(settings.stages):
+            if number < finished:
+                done = stage.subdivisions
+                continue
             for _ in range(stage.subdivisions - done):
                 vertices, faces = meshes.subdivided(vertices, faces)
             done = stage.subdivisions
@@ -125,10 +140,46 @@ def reconstruct_shape(views: Sequence[PhotoView], shape_id: str, vertices: np.nd
                 shown, shape_id, vertices, faces, coefficients,
                 replace(stage, rate=stage.rate * radius), settings.seed * 1009 + number, part)
             losses += history
+            if checkpoint is not None:
+                with whole_file(checkpoint) as unfinished, unfinished.open("wb") as stream:
+                    np.savez(stream, asked=asked, finished=number + 1,
+                             stages=repr(settings.stages[:number + 1]), vertices=vertices,
+                             faces=faces, coefficients=coefficients, losses=losses)
     outcome = Outcome.CONVERGED if stalled(history, len(history) // 2) else Outcome.STEP_LIMIT
     return ShapeReconstruction(vertices, faces, coefficients,
                                views[0].basis(settings.coefficients) @ coefficients,
                                np.array(losses), outcome)
+
+
+def _digest(views: Sequence[PhotoView], shape_id: str, vertices: np.ndarray, faces: np.ndarray,
+            settings: ShapeSettings) -> str:
+    """SHA-256 of what decides a fit's bits but its stages."""
+    digest = hashlib.sha256(repr((shape_id, settings.coefficients, settings.seed)).encode())
+    for view in views:
+        digest.update(ET.tostring(view.scene_file.root))
+        digest.update(repr(light_scale(view)).encode())
+        for image in (view.measured, view.response, view.photo.saturated):
+            digest.update(np.ascontiguousarray(image, dtype=float).tobytes())
+    for array in (vertices, faces):
+        digest.update(np.ascontiguousarray(array, dtype=float).tobytes())
+    return digest.hexdigest()
+
+
+def _finished_stages(checkpoint: Path, asked: str, settings: ShapeSettings
+                     ) -> tuple[int, np.ndarray, np.ndarray, np.ndarray, list[float]] | None:
+    """Stages that are finished, and mesh, coefficients and losses after them; None without a file
+    of this fit.
+    """
+    try:
+        with opened_npz(checkpoint) as stored:
+            finished = int(stored["finished"])
+            if str(stored["asked"]) != asked or str(stored["stages"]) != repr(
+                    settings.stages[:finished]):
+                return None
+            return (finished, stored["vertices"], stored["faces"], stored["coefficients"],
+                    stored["losses"].tolist())
+    except (FileNotFoundError, DamagedArchiveError):
+        return None
 
 
 def with_mesh(view: PhotoView, shape_id: str, mesh: Path) -> PhotoView:

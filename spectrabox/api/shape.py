@@ -163,7 +163,7 @@ def fit_shape(photos: Sequence[str | Path | Photo | np.ndarray], poses: PoseLike
               name: str = OBJECT, steps: Sequence[int] = STEPS, width: int = 48,
               light_error: float = 0.0, sensitivity_error: float = 0.0,
               draws: int = SampleOptions.samples, seed: int = 1, device: str = "auto",
-              progress: ProgressLike = None) -> ShapeSpectra:
+              checkpoint: str | Path | None = None, progress: ProgressLike = None) -> ShapeSpectra:
     """Shape and spectrum of one matt object of one material, from photos around it.
 
     A mesh is moved towards the photos by descent through Mitsuba, coarse to fine; then the spectrum
@@ -208,6 +208,10 @@ def fit_shape(photos: Sequence[str | Path | Photo | np.ndarray], poses: PoseLike
     draws, seed : int
         T spectra behind the band, and the seed of paths and draws.
     device : {"auto", "cpu", "cuda"}
+    checkpoint : path, optional
+        File (.npz) that takes the mesh of every finished stage. A fit that was stopped goes on from
+        there when it is asked for again with the same photos, poses, start and seed, and ends with
+        the same numbers; more stages may be asked for. The file stays.
     progress : bool or function, optional
         As of `reconstruct_scene`.
 
@@ -261,7 +265,8 @@ def fit_shape(photos: Sequence[str | Path | Photo | np.ndarray], poses: PoseLike
         found = shape_fit.reconstruct_shape(
             views, OBJECT, vertices, faces,
             shape_fit.ShapeSettings(SHAPE_COEFFICIENTS, stages, seed),
-            lambda share, message: show(0.9 * share, message))
+            lambda share, message: show(0.9 * share, message),
+            None if checkpoint is None else Path(checkpoint))
         middle = (found.vertices.min(axis=0) + found.vertices.max(axis=0)) / 2
         on_mesh = shape_fit.on_mesh(
             _lit(views, middle, same_lamp), OBJECT, found.vertices, found.faces,
@@ -299,9 +304,11 @@ def _scenes(photos: Sequence[object], opened: Sequence[Photo], poses: PoseLike,
             if isinstance(given, np.ndarray):
                 raise InputError("an array has no file name, by which COLMAP knows its pictures; "
                                  "give paths or photos of open_photo")
-            name = Path(photo.image.source).name
-            image = next((one for key, one in images.items()
-                          if Path(key).name == name or Path(key).stem == Path(name).stem), None)
+            # a developed photo may have another name than the one that it was developed from
+            source = Path(photo.image.source)
+            name = Path(given).name if isinstance(given, str | Path) else source.name
+            image = next((one for word in (Path(name), source) for key, one in images.items()
+                          if word.stem == Path(key).stem), None)
             if image is None:
                 raise InputError(f"the COLMAP model in {poses} knows no picture {name}; it knows "
                                  f"{', '.join(list(images)[:5])} ...")
