@@ -260,7 +260,7 @@ def stored_values(path: Path, working_bytes: float) -> tuple[np.ndarray, Picture
     # in the type of the file: asking for floats would scale integers
     values = file.read_image("unknown")
     failed, trouble = file.has_error, reason_of(file)
-    further = []
+    further: list[tuple[int, int]] = []
     while len(further) < MAX_PICTURES and file.seek_subimage(len(further) + 1, 0):
         other = file.spec()
         further.append((other.width, other.height))
