@@ -26,15 +26,15 @@ REPORT = {"width": 1400, "height": 1320}    # of a report, from its top
 WAIT_MS = 120_000
 
 
-def take(page: Any, address: str, selected: str) -> None:
+def take(page: Any, address: str, selected: str, first: bool = False) -> None:
     """The page once verdict and all spectra stand there, with one mark selected."""
     page.set_default_timeout(WAIT_MS)
     page.goto(address)
     page.wait_for_selector("body[data-result=true][data-look^=calibrated]")
-    page.wait_for_selector("#ask[data-what]", state="attached")
-    for answer in ("[data-finish=unknown]", "[data-card=no]"):      # asked at the beginning alone
-        if page.locator(f"#ask {answer}").is_visible():
-            page.click(f"#ask {answer}")
+    if first:           # asked at the beginning alone
+        page.click("#ask [data-finish=unknown]")
+        page.click("#ask [data-card=no]")
+    page.wait_for_selector("#ask", state="hidden")
     page.wait_for_selector("body[data-result=true]")
     page.wait_for_selector("#marks li:last-child .spark", state="attached")
     page.evaluate("name => document.querySelector(`#marks li[data-name='${name}'] .mark`).click()",
@@ -73,7 +73,7 @@ def take_page(chromium: Any, session: Path) -> None:
         address = opened.stdout.readline().split()[-1]
         table = chromium.new_page(viewport={"width": 1400, "height": 900},
                                   device_scale_factor=SCALE)
-        take(table, address, SELECTED)
+        take(table, address, SELECTED, first=True)
         table.screenshot(path=IMAGES / "page.jpg", quality=QUALITY)
         phone = chromium.new_page(viewport={"width": 390, "height": 844}, has_touch=True,
                                   is_mobile=True, device_scale_factor=SCALE)
