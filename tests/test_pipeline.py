@@ -87,10 +87,10 @@ def test_a_changed_photo_says_why_its_stages_are_stale(finished):
 
 
 def test_results_of_a_cpu_are_not_up_to_date_for_a_gpu(finished):
-    found = {state.name: state for state in stage_states(read_session(finished), "cuda")}
+    found = {state.name: state for state in stage_states(read_session(finished), device="cuda")}
     assert found["photo"].state == "done"               # which renders nothing
     assert "versions: device is new" in found["reconstruct"].reasons
-    assert {state.state for state in stage_states(read_session(finished), "cpu")} == {"done"}
+    assert {state.state for state in stage_states(read_session(finished), device="cpu")} == {"done"}
 
 
 def test_one_stage_can_be_run_alone(finished):

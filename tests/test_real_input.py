@@ -96,8 +96,10 @@ def test_a_photo_shifted_against_its_scene_is_said_by_how_much(converted):
     # Eight of 156 pixels; the parabola through the correlation's peak is good to a third of a
     # pixel.
     assert right == pytest.approx(8 * across / 156, abs=0.4) and abs(down) < 0.5
-    camera, = found["scene.estimated"]["parts"]
-    assert camera["what"] == "camera" and camera["named"]
+    # Columns rolled over the edge are no turn of a camera, so that lamp and lens may take up a
+    # little; the camera is furthest beyond its error.
+    surest = max(found["scene.estimated"]["parts"], key=lambda part: part["size"] / part["error"])
+    assert surest["what"] == "camera" and surest["named"]
 
 
 def test_an_image_with_the_bands_missing_is_refused(converted):
