@@ -20,7 +20,8 @@ from spectrabox.radiometry.records.calibration import ChartCopy, HeldOutPatches
 CHANCE = 0.02           # of naming anything of a chart of which nothing is wrong
 # The same of a colour, if errors were Gaussian. Colours of copies have wider tails: in scenes that
 # state the light on each patch 8.0 ± 1.9 % of faultless charts were named at .02, 3.3 ± 1.2 % at
-# .003; beside samples 0 to 3 % at either (benchmarks/bench_chart_alarms.py).
+# .003. Of 120 fresh charts 5.8 ± 2.1 % are named at .003, in scenes and beside samples
+# (benchmarks/bench_chart_alarms.py).
 COLOUR_CHANCE = 0.003
 WHITE_CHANCE = 0.5      # share of it for white, which dirt and yellowing change first
 LARGE_DEPARTURE = 0.03  # of a patch from copies of its edition, that matters
