@@ -5,7 +5,13 @@ import shutil
 import signal
 import sys
 
+import hypothesis
 import pytest
+
+# How long an example takes to draw says what else the machine does.
+hypothesis.settings.register_profile("untimed", hypothesis.settings.default, deadline=None,
+                                     suppress_health_check=[hypothesis.HealthCheck.too_slow])
+hypothesis.settings.load_profile("untimed")
 
 # A worker has a core of its own: threads of small algebra would wait for those of other workers.
 # Set before NumPy is imported; commands that tests start inherit it.

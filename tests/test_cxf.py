@@ -25,7 +25,8 @@ def write(tmp_path, text):
     return path
 
 
-@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture],
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture,
+                                                   HealthCheck.too_slow],
           deadline=None, derandomize=True)
 @given(st.data())
 def test_every_object_is_a_column(tmp_path, data):

@@ -85,7 +85,8 @@ def test_the_standards_own_example_of_repeated_differences_is_read(tmp_path):
     np.testing.assert_array_equal(table.nm, nm)
 
 
-@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture],
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture,
+                                                   HealthCheck.too_slow],
           deadline=None, derandomize=True)
 @given(st.data())
 def test_every_form_gives_the_ordinates_that_were_written(tmp_path, data):

@@ -80,7 +80,8 @@ def texts(draw):
     return content, nm, values, names
 
 
-@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture],
+@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture,
+                                                   HealthCheck.too_slow],
           deadline=None, derandomize=True)
 @given(texts())
 def test_a_table_is_read_whatever_stands_around_it(tmp_path, case):
@@ -248,7 +249,8 @@ def envi(tmp_path, extra, nm, values, kind):
     return tmp_path / "a.sli"
 
 
-@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture],
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture,
+                                                   HealthCheck.too_slow],
           deadline=None, derandomize=True)
 @given(bad=st.lists(st.booleans(), min_size=12, max_size=12).filter(lambda bad: bad.count(0) > 1),
        gain=st.sampled_from([1e-4, 2e-4]), offset=st.sampled_from([0.0, 0.05]))
