@@ -2,6 +2,8 @@
 
 ``box with a card``: chart and box by one camera under one lamp, as
 ``spectrabox.reconstruct_scene`` measures a box in which a grey card of known spectrum stands.
+``box of eggshell``: the same where all paints but the card mirror 2 to 4 % in a broad lobe, of
+which the session states nothing.
 ``box, two lamps``: curves of the camera and one paint known, and a second lamp of a third of the
 first one's strength, as the scene file states it.
 """
@@ -18,6 +20,7 @@ from spectrabox.fixtures import flat_sample, lamp, paints
 from spectrabox.fixtures.demos import box_render, demo_photos, demo_scenes
 from spectrabox.fixtures.paints import NM
 
+from benchmarks import bench_scene_faults
 from benchmarks.ledger import simulated
 from benchmarks.ledger.task import Task
 
@@ -38,20 +41,31 @@ def tasks(data: Path | None) -> Iterator[Task]:
     """One task for each box."""
     for number in range(CASES):
         yield Task("simulated/box with a card", f"{number:02d}", with_card, (number,))
+        yield Task("simulated/box of eggshell", f"{number:02d}", with_card, (number, "eggshell"))
         yield Task("simulated/box, two lamps", f"{number:02d}", two_lamps, (number,))
 
 
-def with_card(number: int) -> dict[str, float]:
-    """Figures of the paints of a box that a card stands in."""
+def with_card(number: int, finish: str = "matt") -> dict[str, float]:
+    """Figures of the paints of a box that a card stands in, matt or of a finish of LOBES."""
     rng = np.random.default_rng([simulated.SEED, 100, number])
     truth, light, curves = drawn_box(rng)
-    shown = truth | {"card": np.full(NM.size, CARD)}
+    shown, roughness = truth, bench_scene_faults.LOBES.get(finish)
+    if roughness is not None:
+        base = bench_scene_faults.base_of_plastic(roughness)
+        shown = {name: np.minimum(one / base, 1) for name, one in truth.items()}
+    shown = shown | {"card": np.full(NM.size, CARD)}
+
+    def edited(xml: str) -> str:
+        for name in truth if roughness is not None else ():
+            xml = bench_scene_faults.plastic(roughness, f'{name}"')(xml)
+        return xml
     with tempfile.TemporaryDirectory() as written:
         folder = Path(written)
         chart = demo_photos.chart_light(simulated.owned_chart(rng), light, curves, CHART_SIZE)
         take(folder / "chart.dng", chart, 0.75, rng)
         take(folder / "box.dng", box_render.box_light(
-            NM, shown, light, curves, size=BOX_SIZE, spp=SPP, seed=number + 1), 0.7, rng)
+            NM, shown, light, curves, size=BOX_SIZE, spp=SPP, seed=number + 1, edited=edited), 0.7,
+            rng)
         (folder / "box.xml").write_text(demo_scenes.box_scene(BOX_SIZE, card=True))
         (folder / "chart.xml").write_text(demo_scenes.chart_scene_xml(CHART_SIZE))
         read = light * (1 + lamp.READING_NOISE * rng.standard_normal(NM.size))
