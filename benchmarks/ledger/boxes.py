@@ -46,7 +46,7 @@ def tasks(data: Path | None) -> Iterator[Task]:
 
 
 def with_card(number: int, finish: str = "matt") -> dict[str, float]:
-    """Figures of the paints of a box that a card stands in, matt or of a finish of LOBES."""
+    """Figures of the paints of a box that a card stands in: ``matt``, or ``eggshell``."""
     rng = np.random.default_rng([simulated.SEED, 100, number])
     truth, light, curves = drawn_box(rng)
     shown, roughness = truth, bench_scene_faults.LOBES.get(finish)
