@@ -2,14 +2,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.findings import Severity
+from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.interreflection import relative_operator
 from spectrabox.radiometry.records.spectra import Outcome, Progress
 from spectrabox.reconstruct import linearity, scene_estimate
@@ -55,6 +56,11 @@ UNSEEN_LOSS = 1e-3          # share of the light in dropped products that is no 
 VIEW_SEED_STEP = 613     # between the seeds of two views' traces
 
 
+# one view, the view with the light that its known surfaces show, its fit and its solution
+_Solved = tuple[transport_fit.TracedView, tuple[transport_fit.TracedView, ...],
+                tuple[transport_fit.TransportFit, ...], tuple[ViewSolution, ...]]
+
+
 def solve_views(views: Sequence[PhotoView], settings: InversionSettings, progress: Progress,
                 checkpoint: Path | None = None
                 ) -> tuple[tuple[PhotoView, ...], tuple[transport_fit.TransportFit, ...],
@@ -91,64 +97,96 @@ def solve_views(views: Sequence[PhotoView], settings: InversionSettings, progres
     tied, fits, solutions = solve_by_lamps(traced, settings,
                                            lambda view, fit: images[id(view.traced)](fit.signals))
     if len(views) == 1 and settings.errors_from_scene and settings.engine == "transport":
-        tied, fits, solutions = _with_scene_estimated(traced[0], tied, fits, solutions, settings,
-                                                      progress)
+        _, tied, fits, solutions = _with_scene_estimated(
+            (traced[0], tied, fits, solutions), settings, progress)
     progress(1.0, "")
     return tuple(view.view for view in tied), fits, solutions
 
 
-def _with_scene_estimated(
-    stated: transport_fit.TracedView, tied: tuple[transport_fit.TracedView, ...],
-    fits: tuple[transport_fit.TransportFit, ...], solutions: tuple[ViewSolution, ...],
-    settings: InversionSettings, progress: Progress
-) -> tuple[tuple[transport_fit.TracedView, ...], tuple[transport_fit.TransportFit, ...],
-           tuple[ViewSolution, ...]]:
-    """The solution of one view with its scene as the photo shows it; as it is where photo and scene
-    agree.
+def _with_scene_estimated(solved: _Solved, settings: InversionSettings,
+                          progress: Progress) -> _Solved:
+    """One view solved with its scene as the photo shows it; as it is where photo and scene agree,
+    or where no camera, lamp and lens explain why they do not.
 
-    Parameters
-    ----------
-    stated : TracedView
-        As the scene says it.
-    tied, fits, solutions
-        Of that view alone, as of ``solve_by_lamps``.
-    settings, progress
-        As of ``solve_views``.
+    Paints that shine send light where matt ones send none: a camera and a lamp that are fitted to
+    it leave much of it as it was, and are not so.
     """
-    errors = _errors_of(solutions[0].renderings, tied[0].view, tied[0])
-    if errors is None or not scene_estimate.can_be_estimated(stated.view) or max(
-            errors.brightness, errors.pattern) < scene_estimate.DISAGREEMENT:
-        return tied, fits, solutions
-    curve = linearity.linearity(stated.view, solutions[0].renderings.mean(axis=0))
+    stated, tied, _, solutions = solved
+    before = _disagreement(tied[0], solutions[0])
+    if before < scene_estimate.DISAGREEMENT or not scene_estimate.can_be_estimated(stated.view):
+        return solved
+    rendered = solutions[0].renderings.mean(axis=0)
+    curve = linearity.linearity(stated.view, rendered)
     if curve is not None and curve.severity is Severity.FAIL:   # its lamp would take the curve
-        return tied, fits, solutions
+        return solved
     progress(0.75, "estimating pose, lamp and lens")
-
-    def solved(view: transport_fit.TracedView) -> tuple[
-            tuple[transport_fit.TracedView, ...], tuple[transport_fit.TransportFit, ...],
-            tuple[ViewSolution, ...]]:
-        render = renderings_of(view, settings)
-        found, fit, answers = solve_traced([view], settings,
-                                           lambda traced, part: render(part.signals))
-        return found, (fit,), answers
-
-    as_stated = tied, fits, solutions
     # against the scene as stated: a pose that is estimated would hide that the photo was cropped
-    cropped = shifted(stated.view.measured, solutions[0].renderings.mean(axis=0))
-    parts, turn = [], np.zeros(3)
+    cropped = shifted(stated.view.measured, rendered)
+    placed, parts = _with_camera_estimated(solved, settings)
+    estimate = _lamp_estimated(placed, settings)
+    if estimate is not None and estimate.findings:      # nothing is moved by such a photo
+        return _with_findings(solved, estimate.findings)
+    covariance = {}
+    if estimate is not None:
+        view, parts, covariance = placed[0], [*parts, *estimate.parts], estimate.covariance
+        unit = unit_scene(estimate.view, _bounces(estimate.view, settings))
+        transport = trace_view(estimate.view, unit, view.region, view.group, settings.seed,
+                               lambda done, what: None)
+        placed = _solved_alone(replace(view, view=estimate.view, traced=transport), settings)
+    after = _disagreement(placed[1][0], placed[3][0])
+    if not parts or after > max(scene_estimate.LEFT, scene_estimate.LEFT_SHARE * before):
+        return solved
+    return _with_findings(placed, (scene_estimate.finding(parts), *cropped), covariance)
+
+
+def _with_findings(solved: _Solved, findings: Sequence[Finding],
+                   covariance: Mapping[str, np.ndarray] | None = None) -> _Solved:
+    """A solved view with more findings, and the covariance of its materials by the scene's."""
+    return *solved[:3], tuple(replace(one, findings=(*one.findings, *findings),
+                                      scene_covariance=covariance or {}) for one in solved[3])
+
+
+def _disagreement(view: transport_fit.TracedView, solution: ViewSolution) -> float:
+    """Standard deviation of log(photo / rendering) between surfaces, or within them where that is
+    larger; 0 where no two can be compared.
+    """
+    errors = _errors_of(solution.renderings, view.view, view)
+    return 0.0 if errors is None else max(errors.brightness, errors.pattern)
+
+
+def _solved_alone(view: transport_fit.TracedView, settings: InversionSettings) -> _Solved:
+    """A view by itself, solved."""
+    render = renderings_of(view, settings)
+    tied, fit, solutions = solve_traced([view], settings,
+                                        lambda traced, part: render(part.signals))
+    return view, tied, (fit,), solutions
+
+
+def _with_camera_estimated(solved: _Solved,
+                           settings: InversionSettings) -> tuple[_Solved, list[dict[str, Any]]]:
+    """The view with its camera where the edges of the photo put it, and that as a part of the
+    scene; as it is, and none, where they agree.
+    """
+    turn, parts = np.zeros(3), []
     for _ in range(scene_estimate.POSE_ROUNDS):
-        step = scene_estimate.estimate_pose(stated.view, solutions[0].renderings.mean(axis=0))
+        view, images = solved[0].view, solved[3][0].renderings
+        step = scene_estimate.estimate_pose(view, images.mean(axis=0))
         if step is None:
             break
-        placed = replace(stated.view, scene_file=with_camera_at(stated.view.scene_file,
-                                                                step.to_world))
-        stated, = trace_views([placed], settings, lambda done, what: None)
-        tied, fits, solutions = solved(stated)
+        placed = replace(view, scene_file=with_camera_at(view.scene_file, step.to_world))
+        traced, = trace_views([placed], settings, lambda done, what: None)
+        solved = _solved_alone(traced, settings)
         turn = turn + step.turn
         parts = [scene_estimate.camera_part(turn, step.turn_error)]
+    return solved, parts
+
+
+def _lamp_estimated(solved: _Solved,
+                    settings: InversionSettings) -> scene_estimate.SceneEstimate | None:
+    """Lamp and lens of a view, as of ``estimate_lamp``."""
+    stated, tied, fits, _ = solved
     priors = [transport_fit.spectrum_prior(settings, stated.view.grid, material.learnt)
               for material in unknown_materials([stated.view])]
-    freed = replace(stated, nuisances=replace(tied[0].nuisances, scale=stated.nuisances.scale))
 
     def fitted(view: transport_fit.TracedView) -> ViewFit:
         return transport_fit.fit_traced([view], priors, fits[0].coefficients).views[0]
@@ -156,22 +194,8 @@ def _with_scene_estimated(
     def trace(view: PhotoView, spp: int) -> TracedTransport:
         return trace_transport(unit_scene(view, _bounces(view, settings)), stated.region, spp=spp,
                                seed=settings.seed, exponents=stated.traced.exponents)
-    estimate = scene_estimate.estimate_lamp(freed, fitted, trace)
-    if estimate is not None and estimate.findings:      # nothing is moved by such a photo
-        tied, fits, solutions = as_stated
-        return tied, fits, tuple(replace(one, findings=(*one.findings, *estimate.findings))
-                                 for one in solutions)
-    if estimate is not None:
-        traced = trace_view(estimate.view,
-                            unit_scene(estimate.view, _bounces(stated.view, settings)),
-                            stated.region, stated.group, settings.seed, lambda done, what: None)
-        tied, fits, solutions = solved(replace(stated, view=estimate.view, traced=traced))
-        parts += estimate.parts
-    findings = (scene_estimate.finding(parts), *cropped) if parts else ()
-    covariance = {} if estimate is None else estimate.covariance
-    return tied, fits, tuple(replace(
-        one, findings=(*one.findings, *findings), scene_covariance=covariance)
-        for one in solutions)
+    freed = replace(stated, nuisances=replace(tied[0].nuisances, scale=stated.nuisances.scale))
+    return scene_estimate.estimate_lamp(freed, fitted, trace)
 
 
 def trace_views(views: Sequence[PhotoView], settings: InversionSettings, progress: Progress,

@@ -18,6 +18,7 @@ from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.view import MaterialSpec
 
 from benchmarks.bench_scene_estimate import CAMERA, falloff, point, replaced, turned
+from benchmarks.bench_scene_faults import base_of_plastic, plastic
 from tests.cornell_problem import GRID, camera, photo_of, plain_settings, view_of
 from tests.session_runs import silent
 
@@ -25,6 +26,7 @@ SIZE = (64, 96)
 PAINTS = {"white": 0.8, "green": 0.3, "red": 0.25, "cube": 0.5}
 MOVED_CM, CORNER, TURN = np.array([-1.0, 1.2, 1.2]), 0.7, np.radians([0.1, 0.45, -0.2])
 SETTINGS = plain_settings(7, errors_from_scene=True)
+EGGSHELL = 0.5          # roughness of a plastic
 SIGMAS = 4.0            # of each figure: one of 16,000 right ones is farther off
 
 
@@ -45,10 +47,11 @@ def view(mitsuba, folder):
     stated.write_text(demo_scenes.box_scene(SIZE), encoding="utf-8")
     calibration = camera()
 
-    def photographed(edited=lambda xml: xml, lens=1.0):
+    def photographed(edited=lambda xml: xml, lens=1.0, factor=1.0):
         seen = box_render.box_light(
-            GRID.nm, {name: reflectance(name) for name in PAINTS}, calibration.light.values,
-            calibration.sensitivity.curves, size=SIZE, spp=64, seed=3, edited=edited) * lens
+            GRID.nm, {name: factor * reflectance(name) for name in PAINTS},
+            calibration.light.values, calibration.sensitivity.curves, size=SIZE, spp=64, seed=3,
+            edited=edited) * lens
         seen = seen / np.percentile(seen, 99)
         return view_of(read_scene(stated), photo_of(seen, (0.003 * seen) ** 2), scale=None,
                        materials=tuple(MaterialSpec(name, name, reflectance(name)
@@ -96,6 +99,14 @@ def test_a_camera_that_is_turned_is_found_by_the_edges(view):
                                       if CAMERA in xml else xml), SETTINGS, silent))
     assert parts["camera"]["size"] == pytest.approx(
         np.degrees(np.linalg.norm(TURN)), abs=SIGMAS * parts["camera"]["error"])
+
+
+def test_paints_that_shine_are_no_camera_or_lamp_elsewhere(view):
+    base = base_of_plastic(EGGSHELL)
+    shining = view(plastic(EGGSHELL), factor=1 / base)
+    made = reconstruct(shining, SETTINGS, silent)
+    assert parts_of(made) == {}
+    assert np.ptp(np.log(made.agreement.ratio.mean(axis=1))) > 0.05
 
 
 def test_a_tone_curve_is_no_lamp_elsewhere(view):
