@@ -14,6 +14,7 @@ of each photo:
 * ``camera``: it is turned by half a degree about a drawn axis.
 * ``vignetting``: the corners are 20 to 40 % darker, and there is no flat field.
 * ``all``: the wide beam, lamp, camera and vignetting at once.
+* ``uneven``: nothing, but every paint is lighter and darker by up to 8 % from place to place.
 * ``tone``: nothing but a tone curve of the photo, of the power .45 to .6.
 
     python -m benchmarks.bench_scene_estimate --photos FOLDER [--seed 53] [--cases 4]
@@ -41,12 +42,13 @@ from spectrabox.reconstruct.scene.surfaces import hits_of
 
 from benchmarks.ledger import boxes, simulated
 
-KINDS = ("none", "beam", "lamp", "camera", "vignetting", "all", "tone", "spot")
+KINDS = ("none", "beam", "lamp", "camera", "vignetting", "all", "tone", "spot", "uneven")
 SEED, PAINTS = 53, ("green", "red", "cube")
 SIZE, SPP, WIDTH = (208, 312), 64, 96
 MOVED_CM, TURNED_DEG = 2.0, 0.5
 CUTOFF_DEG, NARROW_DEG, EVEN_DEG = 85.0, 45.0, 10.0     # of spots; within the last they are even
 BEFORE = 1.01           # radii of the lamp's ball, from its middle to the spot
+UNEVEN, PATCHES = 0.08, 4       # of a paint, to either side; its field is drawn on so many squared
 EXACT = 0.0005          # of white: error of a signal that is known
 LEVEL = 0.95            # of what is stated of signals
 MIDDLE_CM = np.array([0.0, 16.5, -20.0])
@@ -88,7 +90,9 @@ def write_box(folder: Path, kind: str, number: int, seed: int, imagined: bool) -
                 cutoff=cutoff, width=EVEN_DEG, origin=point(before), target=point(aim),
                 intensity=demo_scenes.regular_spectrum(
                     "intensity", NM, share * np.pi * demo_scenes.LIGHT_RADIUS_CM**2 * light)))
-        return xml
+        return with_uneven_paints(xml, truth, fields)
+    fields = uneven_fields(folder.with_name(folder.name + "-fields"), tuple(truth), rng
+                           ) if kind == "uneven" else {}
     seen = box_render.box_light(NM, truth, (1 - share) * light, curves, size=SIZE, spp=SPP,
                                 seed=number + 1, edited=edited)
     if kind in ("vignetting", "all"):
@@ -105,6 +109,41 @@ def write_box(folder: Path, kind: str, number: int, seed: int, imagined: bool) -
     (folder / "box.xml").write_text(demo_scenes.box_scene(SIZE), encoding="utf-8")
     np.savez(folder / "truth.npz", light=light, curves=curves, **truth)
     (folder / "facts.json").write_text(json.dumps(facts), encoding="utf-8")
+
+
+def uneven_fields(folder: Path, paints: tuple[str, ...],
+                  rng: np.random.Generator) -> dict[str, Path]:
+    """A picture by paint, of how much of its lighter part is where, from 0 to 1."""
+    mi = box_render.renderer()
+    folder.mkdir(parents=True, exist_ok=True)
+    fields = {paint: (folder / f"{paint}.exr").resolve() for paint in paints}
+    for picture in fields.values():
+        field = rng.uniform(0, 1, (PATCHES, PATCHES, 1))
+        mi.Bitmap(field.astype(np.float32)).write(str(picture))
+    return fields
+
+
+def with_uneven_paints(xml: str, truth: dict[str, np.ndarray], fields: dict[str, Path]) -> str:
+    """The scene with paints that are mixed, by their fields, of a lighter and a darker one.
+
+    Parameters
+    ----------
+    xml : str
+    truth : paint -> (P,) reflectance at ``NM``
+    fields : paint -> picture
+    """
+    for paint, picture in fields.items():
+        start = xml.find(f'<bsdf type="diffuse" id="{paint}"')
+        if start < 0:
+            continue
+        end = xml.index("</bsdf>", start) + len("</bsdf>")
+        both = "".join('<bsdf type="diffuse">' + demo_scenes.regular_spectrum(
+            "reflectance", NM, np.minimum(factor * truth[paint], 1)) + "</bsdf>"
+            for factor in (1 - UNEVEN, 1 + UNEVEN))
+        xml = (f'{xml[:start]}<bsdf type="blendbsdf" id="{paint}"><texture name="weight" '
+               f'type="bitmap"><string name="filename" value="{picture}"/><boolean name="raw" '
+               f'value="true"/></texture>{both}</bsdf>{xml[end:]}')
+    return xml
 
 
 def range_of_beam(lamp: np.ndarray, aim: np.ndarray, share: float, cutoff: float) -> float:

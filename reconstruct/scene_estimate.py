@@ -8,7 +8,9 @@ brightness of every surface. All have Gaussian priors around what is stated. Der
 of the traced transport: the same paths with the lamp moved to and fro, or with another beam.
 
 Painted patterns are no errors of the scene: each surface weighs by what its own blocks leave
-unexplained, and nothing is estimated where lamp and lens explain less than three tenths of it.
+unexplained, nothing is estimated where lamp and lens explain less than three tenths of it, and an
+estimate that still leaves surfaces far apart is not kept: paints that shine are no error of the
+scene either.
 
 A tone curve would be taken for a lamp elsewhere: its power is one more unknown of a first fit, and
 where it is not 1 nothing is estimated.
@@ -52,7 +54,7 @@ DISAGREEMENT = 0.01         # of surfaces, or within them, from which the scene 
 LEFT, LEFT_SHARE = 0.02, 0.25
 CHANCE = 1e-3               # that a right scene shows as much
 # of the variance of the blocks: where lamp and lens explain less, paints are uneven and send uneven
-# light on to other surfaces (.1 of a painted box; .4 and more of noisy photos with a lamp off)
+# light on to other surfaces (.1 to .4 of paints that are uneven by 8 %; .2 to .8 of lamps 2 cm off)
 EXPLAINED = 0.3
 TINY = 1e-300
 GROUPS = {"lamp": slice(0, 3), "beam": slice(3, 3 + TERMS),
@@ -239,21 +241,21 @@ def estimate_lamp(stated: TracedView, solve: Callable[[TracedView], ViewFit],
     trace : function of a view and of paths per pixel
         Its transport; the same seed every time.
     """
-    from scipy.special import chdtrc, chdtri
+    from scipy.special import chdtrc
 
     if stated.traced.spp < SOLVED_SPP:      # the noise of a trace would be left unexplained
         stated = replace(stated, traced=trace(stated.view, SOLVED_SPP))
     problem = _LampProblem(stated, lambda view: trace(view, SLOPE_SPP), solve(stated))
     powers = [problem.power()]
-    found, gain = problem.solved()
-    if gain < chdtri(found.lamp.size, CHANCE):
+    found = problem.solved()
+    if problem.chance(found.weight) > CHANCE:
         return None
     most = (1 - EXPLAINED) * problem.unexplained(found.weight, 0)
     view = problem.changed(found.lamp)
     traced = replace(stated, view=view, traced=trace(view, SOLVED_SPP))
     problem.start_from(found.lamp, traced, solve(traced))
     powers.append(problem.power())
-    found, _ = problem.solved()
+    found = problem.solved()
     # a lamp far off bends ratios as well, of which the second round knows
     bent = all(abs(value - 1) > max(linearity.DOUBTED * error, linearity.MIN_DEPARTURE)
                for value, error in powers)
@@ -451,8 +453,26 @@ class _LampProblem:
         return (np.concatenate([self.columns, level[..., None]], axis=2),
                 np.r_[self.prior, POWER_ERROR])
 
-    def solved(self) -> tuple[_Solution, float]:
-        """The estimate, and by how much it lowers the sum of squares."""
+    def chance(self, weight: np.ndarray) -> float:
+        """Chance that a scene that is right shows as much, by its lamp, its beam or its lens alone,
+        or by all together.
+
+        Parameters
+        ----------
+        weight : (R,) array
+        """
+        from scipy.special import chdtrc
+
+        misfit = max(self._least_squares(self.columns, self.prior, weight)[3], 1.0)
+        without = self._cost(self.columns[..., :0], self.prior[:0], weight)
+        causes = [*GROUPS.values(), slice(None)]
+        each = [chdtrc(self.prior[cause].size, max(without - self._cost(
+            self.columns[..., cause], self.prior[cause], weight), 0.0) / misfit)
+            for cause in causes]
+        return len(causes) * float(min(each))
+
+    def solved(self) -> _Solution:
+        """The estimate."""
         count = self.prior.size
         weight = np.where(self.dark, 0.0, 1.0)
         for _ in range(3):
@@ -462,8 +482,6 @@ class _LampProblem:
                            / left.shape[1])
             weight = np.where(self.dark, 0.0, np.minimum(
                 1, HUBER * max(np.sqrt(misfit), 1.0) / np.maximum(size, 1e-9)))
-        with_lamp = self._cost(self.columns, self.prior, weight)
-        without = self._cost(self.columns[..., :0], self.prior[:0], weight)
         bands, held = self.log.shape[1], slice(count, count + len(self.shown) * self.log.shape[1])
         # the share of the paints' errors that comes by lamp and lens
         rows, _ = self._rows(self.columns[..., :0], self.prior[:0], weight)
@@ -475,7 +493,7 @@ class _LampProblem:
                                   index * bands:(index + 1) * bands]
                         for index, name in enumerate(self.shown)}
         return _Solution(self.start + solution[:count], covariance[:count, :count], of_materials,
-                         weight), (without - with_lamp) / max(misfit, 1.0)
+                         weight)
 
     def size_of(self, name: str, found: _Solution) -> tuple[float, float]:
         """How far a part of the scene is off, and its standard error: the lamp's offset in the
