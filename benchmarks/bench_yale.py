@@ -6,7 +6,8 @@ flash measured with a spectroradiometer, and the sensitivities that the authors 
 430-670 nm. Nothing is chosen by the measured paints: the errors of light and geometry are read off
 the photo itself, where surfaces of one paint disagree; the prior on spectra was learnt from other
 reflectances; the band mixing is allowed because the photos are JPEGs. "photo aligned" moves the
-camera's principal point by the shift that the edges show, white known.
+camera's principal point by the shift that the edges show, white known. "curve undone" takes the
+photo as a tone curve of the power that its edges of one paint show, and undoes it.
 
 "white known" gives every method the white paint's spectrum, which sets the light scale. "nothing
 known" gives it the light scale that "white known" found with the same method, and no spectrum; "no
@@ -118,6 +119,18 @@ def aligned(view: PhotoView, shift: tuple[float, float]) -> PhotoView:
     return replace(view, scene_file=replace(view.scene_file, root=root))
 
 
+def without_curve(view: PhotoView, power: float) -> PhotoView:
+    """The view with each band of its photo raised to 1 / power, about the mean of its white."""
+    white = view.used & np.isin(view.surface, [
+        index for index, name in enumerate(view.surface_materials) if name == "white"])
+    level = view.photo.signal[white].mean(axis=0)
+    share = np.maximum(view.photo.signal / level, 1e-6)
+    slope = share ** (1 / power - 1) / power
+    return replace(view, photo=replace(
+        view.photo, signal=(level * share ** (1 / power)).astype(np.float32),
+        variance=(view.photo.variance * slope**2).astype(np.float32)))
+
+
 def errors(found: Reconstruction, truth: dict[str, np.ndarray]) -> dict[str, float]:
     """RMSE of each unknown material."""
     return {name: rmse(found.spectra[place], truth[name]) for place,
@@ -210,6 +223,11 @@ def main() -> None:
                 shift = edge_shift(rows[0]["found"].measured, rows[0]["found"].rendered)[0]
                 rows.append(one_photo(aligned(view, shift), truth, settings)[0]
                             | {"case": "photo aligned"})
+            if method in (LEARNT, MIXED):
+                power = next(one.values["value"] for one in rows[0]["found"].findings
+                             if one.code in ("scene.linear", "scene.not-linear"))
+                rows.append(one_photo(without_curve(view, power), truth, settings)[0]
+                            | {"case": "curve undone"})
             result += [{"method": method} | {key: value for key, value in one.items()
                                              if key != "found"}
                        for one in rows]
