@@ -56,6 +56,7 @@ from spectrabox.radiometry.chart import COPIES_BEFORE_2014, COPIES_SINCE_2014, R
 from spectrabox.radiometry.errors import SpectraboxError
 from spectrabox.radiometry.gloss import USUAL
 from spectrabox.radiometry.grid import FINE_GRID, grid_from_nm
+from spectrabox.radiometry.records.calibration import Filter
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.sampling.further.more_measurements import Reading, condition
 from spectrabox.sampling.prior.mixture import load_prior
@@ -151,14 +152,18 @@ class Photos:
             return known(self.measured(also={
                 self.take("moved", moved(self.lamp, self.rng)): "moved"}))
         if action == "gel":
-            passed = usual_at_hand().filters[subject].transmittance
+            gel = usual_at_hand()[subject]
+            assert isinstance(gel, Filter)
+            passed = gel.transmittance
             waves = np.cos(np.outer(np.arange(3), (FINE_GRID.nm - 400) / 300 * np.pi))
             off = 1 + FILE_ERROR * self.rng.standard_normal(3) @ waves
             return known(self.measured(filtered={
                 self.take("gel", through=np.interp(NM, FINE_GRID.nm, passed)):
                     (FINE_GRID.nm, np.clip(passed * off, 0, 1))}))
         if action == "second-lamp":
-            power = np.interp(NM, FINE_GRID.nm, usual_at_hand().lamps[subject])
+            spectrum = usual_at_hand()[subject]
+            assert not isinstance(spectrum, Filter)
+            power = np.interp(NM, FINE_GRID.nm, spectrum)
             return known(self.measured(also={
                 self.take("lamp", moved(self.lamp, self.rng), power / power.max()): "unknown"}))
         if action == "reading":

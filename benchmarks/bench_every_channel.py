@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,8 +24,9 @@ from spectrabox.measure.held_out_spectra import held_out_patches
 from spectrabox.measure.pictures.uplift import uplift_image
 from spectrabox.measure.regions.flat_signals import flat_signals
 from spectrabox.measure.regions.white import FlatErrors, FlatPhoto, white_at_regions
-from spectrabox.measure.surfaces.surface_signals import errors_by_cause, measurement, with_errors
-from spectrabox.measure.surfaces.surface_spectra import DrawOptions, sample_surfaces
+from spectrabox.measure.shoot.options import Sampling
+from spectrabox.measure.surfaces.surface_signals import errors_by_cause, measurement
+from spectrabox.measure.surfaces.surface_spectra import sample_surfaces
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.error_model import (
     DISAGREEMENT,
@@ -93,8 +95,8 @@ def row(lamps: int, width_nm: float, every: bool) -> str:
     own, common = made.prior_fit.patch_error
     surfaces = SurfaceSignals(tuple(map(str, range(len(truth)))), (False,) * len(truth), FINE_GRID,
                               truth, tuple(map(str, range(bands))), np.zeros(bands, int),
-                              relative_response(made.calibration, FINE_GRID), relative, ())
-    surfaces = with_errors(surfaces, {
+                              relative_response(made.calibration, FINE_GRID), relative, {})
+    surfaces = replace(surfaces, errors={
         PHOTO_NOISE: (noise[:, used] / level)[:, :, None] ** 2 * np.eye(bands),
         SENSITIVITIES: sensitivity_covariance([made.calibration], surfaces),
         WHITE: proportional_covariance(relative, made.white.covariance[:bands, :bands]),
@@ -149,7 +151,7 @@ def flat_s(bands: int) -> tuple[float, float]:
     any_family: dict[str, tuple[str, ...]] = dict.fromkeys(names, ())
     signals = flat_signals([shown], [white_at_regions(shown, {}, errors)], any_family, {},
                            tuple(map(str, range(bands))), errors)
-    sample_surfaces(signals, DrawOptions(), any_family, lambda done, what: None)
+    sample_surfaces(signals, Sampling(), 0, any_family, lambda done, what: None)
     return fitted, time.process_time() - started
 
 

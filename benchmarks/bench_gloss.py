@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.measure.surfaces.surface_signals import measurement, with_errors
+from spectrabox.measure.surfaces.surface_signals import measurement
 from spectrabox.radiometry.error_model import PHOTO_NOISE, SAMPLE_PLANE, proportional_covariance
 from spectrabox.radiometry.gloss import KINDS, gloss_states
 from spectrabox.radiometry.grid import FINE_GRID
@@ -58,10 +58,10 @@ def photographed(truth: np.ndarray, photos: int, gloss: np.ndarray | float,
     if stated == ERROR:
         causes[PHOTO_NOISE] = noise + 0.008**2
     states = () if stated == ERROR else (gloss_states(stated, ["lamp"] * bands),) * len(truth)
-    return with_errors(SurfaceSignals(
+    return SurfaceSignals(
         tuple(map(str, range(len(truth)))), (False,) * len(truth), FINE_GRID, truth,
-        tuple(map(str, range(bands))), np.repeat(np.arange(photos), 3), rows, signal, (), states),
-        causes)
+        tuple(map(str, range(bands))), np.repeat(np.arange(photos), 3), rows, signal,
+        causes, states)
 
 
 def rows(truth: np.ndarray) -> Iterator[str]:

@@ -40,6 +40,7 @@ from spectrabox.radiometry.appearance import delta_e00
 from spectrabox.radiometry.chart import REFERENCES
 from spectrabox.radiometry.errors import SpectraboxError
 from spectrabox.radiometry.grid import FINE_GRID, grid_from_nm
+from spectrabox.radiometry.records.calibration import Filter
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.radiometry.spectra.spectrum_files import read_curves, table_text
@@ -73,7 +74,7 @@ class Scene:
 def gels() -> dict[str, np.ndarray]:
     """Transmittances (P,) at NM of the two gels."""
     return {words.split(" ", 1)[1]: np.interp(NM, FINE_GRID.nm, gel.transmittance)
-            for words, gel in usual_at_hand().filters.items()}
+            for words, gel in usual_at_hand().items() if isinstance(gel, Filter)}
 
 
 def photograph(path: Path, scene: Scene, lamp: int, transmittance: np.ndarray | float) -> None:

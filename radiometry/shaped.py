@@ -2,7 +2,7 @@
 
 A field is declared as ``mean: Annotated[np.ndarray, "4 2"]``. A letter is any size, the same
 throughout the record; a number is that size. ``None`` passes where the annotation allows
-it.
+it; of a dictionary of such arrays each is checked.
 """
 from __future__ import annotations
 
@@ -20,22 +20,29 @@ class Record:
     def __post_init__(self) -> None:
         sizes: dict[str, int] = {}
         for name, letters in array_fields(typing.cast(Any, type(self))).items():
-            value = getattr(self, name)
+            value, field = getattr(self, name), f"{type(self).__name__}.{name}"
             if value is None:
                 continue
-            array = np.asarray(value)
-            field = f"{type(self).__name__}.{name}"
-            if array.ndim != len(letters.split()):
-                raise ValueError(f"{field} has shape {array.shape}; ({letters}) is needed")
-            for size, letter in zip(array.shape, letters.split(), strict=True):
-                expected = int(letter) if letter.isdigit() else sizes.setdefault(letter, size)
-                if size != expected:
-                    raise ValueError(f"{field} has shape {array.shape}; ({letters}) with {letter} "
-                                     f"= {expected} is needed")
-            if array.flags.writeable:
-                array = array.copy() if array is value else array
-                array.flags.writeable = False
-            object.__setattr__(self, name, array)
+            checked = {key: _checked(each, f"{field}[{key!r}]", letters, sizes)
+                       for key, each in value.items()} if isinstance(value, dict) \
+                else _checked(value, field, letters, sizes)
+            object.__setattr__(self, name, checked)
+
+
+def _checked(value: Any, field: str, letters: str, sizes: dict[str, int]) -> np.ndarray:
+    """A read-only array of the sizes that letters have, or will have, in ``sizes``."""
+    array = np.asarray(value)
+    if array.ndim != len(letters.split()):
+        raise ValueError(f"{field} has shape {array.shape}; ({letters}) is needed")
+    for size, letter in zip(array.shape, letters.split(), strict=True):
+        expected = int(letter) if letter.isdigit() else sizes.setdefault(letter, size)
+        if size != expected:
+            raise ValueError(f"{field} has shape {array.shape}; ({letters}) with {letter} "
+                             f"= {expected} is needed")
+    if array.flags.writeable:
+        array = array.copy() if array is value else array
+        array.flags.writeable = False
+    return array
 
 
 @functools.cache

@@ -32,7 +32,6 @@ from spectrabox.radiometry.records.scenes import Reconstruction, SurfaceAgreemen
 from spectrabox.radiometry.records.spectra import (
     Outcome,
     Quantity,
-    SignalError,
     Spectrum,
     SpectrumSamples,
     SpectrumSummary,
@@ -171,7 +170,7 @@ def _surface(rng: np.random.Generator, made: Reconstruction, m: int, bands: tupl
     signals = SurfaceSignals(
         (name,), (bool(made.known[m]),), GRID, estimate[None], bands, np.zeros(len(bands), int),
         np.tile(1 / GRID.nm.size, (len(bands), GRID.nm.size)), level[None],
-        tuple(SignalError(cause, covariance[None]) for cause, covariance in errors.items()))
+        {cause: covariance[None] for cause, covariance in errors.items()})
     if made.known[m]:
         return SurfaceResult(name, None, given=(GRID.nm, estimate), signals=signals, truth=measured)
     centre = np.linalg.lstsq(BASIS, estimate, rcond=None)[0]

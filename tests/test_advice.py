@@ -18,16 +18,16 @@ from spectrabox.measure.advice.forecast import (
     outlook_now,
     outlook_of,
 )
-from spectrabox.measure.advice.further import ChartFitted, with_photos, with_reading
+from spectrabox.measure.advice.further import with_photos, with_reading
 from spectrabox.measure.more_bands.filter_fit import (
     curves_and_light,
     photos_at_hand,
     white_of_bands,
 )
+from spectrabox.measure.more_bands.joined_errors import ChartFitted
 from spectrabox.measure.surfaces.surface_signals import alone
 from spectrabox.radiometry.appearance import ciede2000, reflectance_to_lab
 from spectrabox.radiometry.error_model import LIGHT_FIELD
-from spectrabox.radiometry.records.spectra import SignalError
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
 
@@ -93,9 +93,9 @@ def test_colours_err_as_those_of_draws(plain):
 
 def test_less_error_is_a_narrower_band_and_the_forecast_signal_stays(plain):
     unknown, _ = unknown_of(plain, "green_wall")
-    widths = [outlook_after(unknown, replace(unknown.signals, errors=tuple(
-        SignalError(error.cause, share * error.covariance)
-        for error in unknown.signals.errors))).width for share in (1.0, 0.5, 0.1)]
+    widths = [outlook_after(unknown, replace(unknown.signals, errors={
+        cause: share * covariance for cause, covariance in unknown.signals.errors.items()})).width
+        for share in (1.0, 0.5, 0.1)]
     assert widths == sorted(widths, reverse=True) and widths[0] > 1.02 * widths[2]
 
 
@@ -144,10 +144,10 @@ def test_under_a_light_that_is_hardly_known_a_gel_brings_little(plain):
     """All photos share such an error; a chart beside the sample takes it away."""
     unknown, _ = unknown_of(plain, "red_wall")
     now, brighter, error = unknown.signals, 1.5, 0.5
-    light = SignalError(LIGHT_FIELD, error**2 * np.outer(now.signal[0], now.signal[0])[None])
-    others = [each for each in now.errors if each.cause != LIGHT_FIELD]
-    dark = replace(unknown, signals=replace(now, signal=brighter * now.signal, errors=tuple(
-        replace(each, covariance=brighter**2 * each.covariance) for each in (*others, light))))
+    light = error**2 * np.outer(now.signal[0], now.signal[0])[None]
+    dark = replace(unknown, signals=replace(now, signal=brighter * now.signal, errors={
+        cause: brighter**2 * covariance
+        for cause, covariance in {**now.errors, LIGHT_FIELD: light}.items()}))
     capture, records = plain.found.advise.args
     calibration = records.calibrations(capture.views)[0]
     curves, present = curves_and_light(calibration)

@@ -9,12 +9,10 @@ from spectrabox.measure.surfaces.surface_signals import (
     errors_by_cause,
     measurement,
     relative_errors,
-    with_errors,
 )
 from spectrabox.radiometry.error_model import PHOTO_NOISE, SAMPLE_PLANE, SURFACE_REFLECTION
 from spectrabox.radiometry.records.spectra import (
     CaptureStates,
-    SignalError,
     SpectralMeasurement,
     SurfaceSignals,
     independent_states,
@@ -197,9 +195,9 @@ def test_signals_of_surfaces_carry_their_states_through_bands():
     signal = np.vstack([rows @ RED, rows @ RED])
     signal[1, 4] = np.nan                                   # a band that is saturated
     noise = np.repeat((0.003**2 * np.eye(6))[None], 2, axis=0)
-    signals = with_errors(SurfaceSignals(
+    signals = SurfaceSignals(
         ("a", "b"), (False, False), GRID, np.vstack([RED, RED]), tuple("abcdef"),
-        np.repeat([0, 1], 3), rows, signal, (), (states, states)), {PHOTO_NOISE: noise})
+        np.repeat([0, 1], 3), rows, signal, {PHOTO_NOISE: noise}, (states, states))
     assert measurement(signals, 0).states.pattern.shape == (6, 1)
     assert measurement(signals, 1).states.pattern.shape == (5, 1)
     assert list(errors_by_cause(signals, 1)) == [PHOTO_NOISE]
@@ -220,7 +218,7 @@ def test_a_band_that_photos_repeat_is_one_band_to_what_knows_no_states():
     surfaces = SurfaceSignals(("one",), (False,), once.grid, np.full((1, once.grid.nm.size), 0.5),
                               tuple("RGBrgb"), np.repeat([0, 1], 3), twice.relative_response,
                               twice.signal[None],
-                              (SignalError(PHOTO_NOISE, twice.noise_covariance[None]),))
+                              {PHOTO_NOISE: twice.noise_covariance[None]})
     measured = measurement(surfaces, 0)
     np.testing.assert_allclose(measured.signal, once.signal + 0.01 / 5)
     np.testing.assert_allclose(measured.noise_covariance, np.eye(3) * 0.01**2 * 0.8)

@@ -11,7 +11,7 @@ from spectrabox.measure.surfaces.colour_comparison import (
 from spectrabox.measure.surfaces.surface_signals import measurement
 from spectrabox.radiometry.error_model import PHOTO_NOISE, WHITE, proportional_covariance
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records.spectra import SignalError, SurfaceSignals
+from spectrabox.radiometry.records.spectra import SurfaceSignals
 from spectrabox.sampling.prior.mixture import load_prior
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
 
@@ -23,8 +23,8 @@ GREY = np.full(FINE_GRID.nm.size, 0.4)
 def region(reflectance, *, noise=0.002, white=0.0, error=0.0):
     """What a camera sees of a surface; ``error`` (3,) is in standard deviations of the noise."""
     signal = BANDS @ reflectance + noise * np.asarray(error)
-    errors = (SignalError(PHOTO_NOISE, noise**2 * np.eye(3)[None]),
-              SignalError(WHITE, proportional_covariance(signal, np.full((3, 3), white**2))[None]))
+    errors = {PHOTO_NOISE: noise**2 * np.eye(3)[None],
+              WHITE: proportional_covariance(signal, np.full((3, 3), white**2))[None]}
     return SurfaceSignals(("a",), (False,), FINE_GRID, reflectance[None], ("R", "G", "B"),
                           np.zeros(3, int), BANDS, signal[None], errors)
 

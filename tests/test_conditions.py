@@ -23,7 +23,6 @@ from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.radiometry.appearance import delta_e00, reflectance_to_lab
 from spectrabox.radiometry.error_model import LIGHT_FIELD, PHOTO_NOISE
 from spectrabox.radiometry.findings import Finding, Severity
-from spectrabox.radiometry.records.spectra import SignalError
 
 NM = np.arange(400.0, 701.0, 5.0)
 
@@ -46,8 +45,8 @@ def with_errors(surface: SurfaceResult, relative: dict[str, float]) -> SurfaceRe
     """The surface with a signal that errs by causes relative to it, alike in all bands."""
     of_signal = np.outer(surface.signal, surface.signal)[None]
     return dataclasses.replace(surface, signals=dataclasses.replace(
-        surface.signals, errors=tuple(SignalError(cause, error**2 * of_signal)
-                                      for cause, error in relative.items())))
+        surface.signals, errors={cause: error**2 * of_signal
+                                for cause, error in relative.items()}))
 
 
 def test_what_is_stated_of_every_surface_is_not_named_assumed(tmp_path):

@@ -40,7 +40,7 @@ def test_errors_of_many_signals_by_the_curves_are_those_of_each_alone(fitted, re
     # not quite those of the spectra: signals are measured
     signals = spectra @ to_fine.T @ response.T + 0.01 * rng.standard_normal((5, 3))
     surfaces = SurfaceSignals(tuple("abcde"), (False,) * 5, FINE_GRID, spectra @ to_fine.T,
-                              tuple("RGB"), np.zeros(3, int), response, signals, ())
+                              tuple("RGB"), np.zeros(3, int), response, signals, {})
     errors = curve_errors(made, FINE_GRID).together_with(light_errors(made, FINE_GRID, response))
     found = errors.at(COARSE.nm, FINE_GRID).covariance(signals, spectra)
     both = sensitivity_covariance([made], surfaces) + light_covariance([made], surfaces)

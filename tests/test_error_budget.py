@@ -68,7 +68,7 @@ def joint(coefficients, photo=None, model=None):
 def seen(made):
     """The signals of a reconstruction, their errors left open."""
     return SurfaceSignals(made.materials, made.known, made.grid, made.spectra, made.bands,
-                          made.view_of_band, made.response, made.signal, ())
+                          made.view_of_band, made.response, made.signal, {})
 
 
 def signals_of(coefficients):

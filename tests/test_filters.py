@@ -16,7 +16,6 @@ from spectrabox.calibrate.sensitivity import fit_with_prior
 from spectrabox.measure.advice.advise import TO_FINE, advice_on_signal
 from spectrabox.measure.advice.forecast import outlook_of
 from spectrabox.measure.more_bands.filter_fit import (
-    LampsAtHand,
     filter_from_charts,
     photos_at_hand,
     white_of_bands,
@@ -170,7 +169,7 @@ def test_forecasts_are_the_bands_that_further_photos_then_have():
         PRIOR_GRID).items()
                         if name not in REFERENCES])[:60] @ TO_FINE.T
     bare = named_spectra.relative_response("Nikon 5100 (NPL)", "D65", FINE_GRID)
-    hand = LampsAtHand({}, {"f": stated_filter("f", ORANGE)})
+    hand = {"f": stated_filter("f", ORANGE)}
     photo = photos_at_hand(bare, np.ones(301), hand)
     white = white_of_bands(bare, np.ones(301))
     forecast, after = [], []

@@ -321,8 +321,7 @@ def test_photos_of_one_chart_err_alike_away_from_it_under_any_lamps(monkeypatch)
         monkeypatch.setattr(module, "_light_at", lambda photo, *_, known=known: known[photo.name])
         signals = flat_signals(shown, [module.white_by_chart(photo, ERRORS) for photo in shown],
                                {"cloth": ()}, {}, ("green",), ERRORS)
-        stated.append(next(each.covariance[0][0, 1] for each in signals.errors
-                           if each.cause == LIGHT_FIELD))
+        stated.append(signals.errors[LIGHT_FIELD][0][0, 1])
         products.append(np.prod(signals.signal[0] - grey))
     # 40 know a mean product to 25 %, and how alike lamps stand changes it by half
     assert np.mean(products) == pytest.approx(np.mean(stated), rel=0.7)

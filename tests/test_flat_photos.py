@@ -49,8 +49,8 @@ SECOND = {"warm": NM**-5.0 / np.expm1(C2_NM_K / NM / 2856),
 
 def errors_of(signals):
     """Standard errors (R, J)."""
-    return np.sqrt(np.sum([np.diagonal(error.covariance, axis1=1, axis2=2)
-                           for error in signals.errors], axis=0))
+    return np.sqrt(np.sum([np.diagonal(covariance, axis1=1, axis2=2)
+                           for covariance in signals.errors.values()], axis=0))
 
 
 def true_signals(signals):
@@ -173,7 +173,7 @@ def test_rounded_exposure_times_are_brought_together_with_their_error(tmp_path):
     off = (signals.signal - true_signals(signals)) / errors_of(signals)
     assert np.abs(off).max() < 4
     # the stated ratio is off by 64/60 x 125/128: as much as the error that is said of it
-    rounded = {error.cause: error.covariance for error in signals.errors}[ROUNDED_EXPOSURES]
+    rounded = signals.errors[ROUNDED_EXPOSURES]
     share = np.sqrt(np.diagonal(rounded, axis1=1, axis2=2)) / signals.signal
     np.testing.assert_allclose(share, 1 - 60 * 128 / (64 * 125), rtol=0.1)
     assert np.abs(signals.signal / true_signals(signals) - 1).max() > 0.03

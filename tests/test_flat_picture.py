@@ -203,7 +203,7 @@ def test_a_pixel_in_all_bands_errs_as_a_region_of_one_pixel_does(session, monkey
     covariance = lit.errors.at_white(block.measured[pixel], block.white.rows(pixel),
                                      block.variance[pixel])[0] \
         + lit.errors.by_curves(block.measured[pixel], 0)[0]
-    of_region = np.sum([error.covariance[dot] for error in signals.errors], axis=0) \
+    of_region = np.sum([each[dot] for each in signals.errors.values()], axis=0) \
         + gloss.pattern @ gloss.covariance @ gloss.pattern.T
     size = np.sqrt(np.diag(of_region))
     # the share of the light's error in that of white depends on the signal a little

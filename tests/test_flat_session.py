@@ -61,8 +61,8 @@ def true_signals(signals):
 
 
 def errors_of(signals):
-    return np.sqrt(np.sum([np.diagonal(error.covariance, axis1=1, axis2=2)
-                           for error in signals.errors], axis=0))
+    return np.sqrt(np.sum([np.diagonal(covariance, axis1=1, axis2=2)
+                           for covariance in signals.errors.values()], axis=0))
 
 
 def test_signals_are_those_of_the_paints_wherever_the_light_falls_off(flat_and_records):
@@ -111,9 +111,9 @@ def test_running_again_keeps_everything_and_a_new_region_keeps_the_calibration(f
 
 def test_errors_of_a_signal_add_up_and_are_covariances(flat_and_records):
     signals = flat_and_records[1].records.signals
-    assert {error.cause for error in signals.errors} <= CAUSES.keys()
-    for error in signals.errors:
-        for covariance in error.covariance:
+    assert signals.errors.keys() <= CAUSES.keys()
+    for covariances in signals.errors.values():
+        for covariance in covariances:
             np.testing.assert_allclose(covariance, covariance.T, atol=1e-15)
             # round-off of sums of signals near 1
             assert np.linalg.eigvalsh(covariance).min() > -1e-12
@@ -130,8 +130,7 @@ def test_chart_and_samples_in_two_photos_differ_by_light_and_shutter(tmp_path):
     signals = run(folder).records.signals
     off = (signals.signal - true_signals(signals)) / errors_of(signals)
     assert np.abs(off).max() < 4
-    causes = {error.cause: error.covariance for error in signals.errors}
-    repeat = np.sqrt(np.diagonal(causes["light and shutter repeat"], axis1=1, axis2=2))
+    repeat = np.sqrt(np.diagonal(signals.errors["light and shutter repeat"], axis1=1, axis2=2))
     # 1.2 % of the light and 0.9 % of the shutter
     np.testing.assert_allclose(repeat / signals.signal, np.hypot(0.012, 0.009), rtol=0.02)
 

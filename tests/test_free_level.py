@@ -73,7 +73,7 @@ def test_one_level_is_common_to_photos_under_unlike_lamps(folder):
     # the surfaces tell the ratio of both levels, but for what their spectra leave open
     assert scales[1].value / scales[0].value == pytest.approx(0.4, rel=0.05)
     signals = scene_signals(joint, [first.calibration, second.calibration])
-    covariance = next(error.covariance for error in signals.errors if error.cause == LEVEL_BY_PRIOR)
+    covariance = signals.errors[LEVEL_BY_PRIOR]
     relative = covariance[0] / np.outer(signals.signal[0], signals.signal[0])
     # every band of both photos is off by the same factor
     np.testing.assert_allclose(relative, LEVEL_ERROR**2, rtol=1e-6)

@@ -4,7 +4,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from spectrabox.measure.surfaces.surface_signals import measurement, with_errors
+from spectrabox.measure.surfaces.surface_signals import measurement
 from spectrabox.radiometry.error_model import (
     PHOTO_NOISE,
     SAMPLE_PLANE,
@@ -50,11 +50,11 @@ def photographed(truth, photos, gloss, stated, seed=7):
     if stated == ERROR:
         noise = noise + 0.008**2
     states = () if stated == ERROR else (gloss_states(stated, ["lamp"] * count),) * len(truth)
-    return with_errors(SurfaceSignals(
+    return SurfaceSignals(
         tuple(map(str, range(len(truth)))), (False,) * len(truth), FINE_GRID, truth,
-        tuple(map(str, range(count))), np.repeat(np.arange(photos), 3), rows, signal, (), states), {
+        tuple(map(str, range(count))), np.repeat(np.arange(photos), 3), rows, signal, {
             PHOTO_NOISE: noise, SAMPLE_PLANE: proportional_covariance(
-                signal, np.full((count, count), 0.03**2))})
+                signal, np.full((count, count), 0.03**2))}, states)
 
 
 def judged(signals, truth):

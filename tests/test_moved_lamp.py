@@ -25,7 +25,7 @@ from spectrabox.measure.regions.moved_lamp import (
     found_in_places,
     gloss_and_level,
 )
-from spectrabox.measure.surfaces.surface_signals import measurement, with_errors
+from spectrabox.measure.surfaces.surface_signals import measurement
 from spectrabox.radiometry.error_model import PHOTO_NOISE
 from spectrabox.radiometry.records.spectra import SurfaceSignals
 from spectrabox.sampling.prior.mixture import load_prior
@@ -55,12 +55,12 @@ def signals_of(spectrum, gloss=(0.0, 0.0), level=(0.0, 0.0), colour=(0.0, 0.0, 0
     if rng is not None:
         signal += noise * rng.standard_normal(6)
     covariance = np.kron(np.eye(2), np.ones((3, 3))) * plane**2 * np.outer(signal, signal)
-    signals = SurfaceSignals(
+    return SurfaceSignals(
         ("it",), (False,), GRID, spectrum[None], tuple(
             f"{photo}: {band}" for photo in ("photo", "b") for band in "RGB"),
-        np.repeat([0, 1], 3), np.vstack([RESPONSE, RESPONSE]), signal[None], (),
+        np.repeat([0, 1], 3), np.vstack([RESPONSE, RESPONSE]), signal[None],
+        {PHOTO_NOISE: noise**2 * np.eye(6)[None]},
         (gloss_and_level(None, signal, PLACES, covariance),))
-    return with_errors(signals, {PHOTO_NOISE: noise**2 * np.eye(6)[None]})
 
 
 def found(**what):

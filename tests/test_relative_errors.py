@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from sampling_cameras import response, seen, surface
 
+from spectrabox.measure.shoot.options import Sampling
 from spectrabox.measure.surfaces.surface_signals import errors_by_cause, measurement
-from spectrabox.measure.surfaces.surface_spectra import DrawOptions, sample_surfaces
+from spectrabox.measure.surfaces.surface_spectra import sample_surfaces
 from spectrabox.radiometry.error_model import (
     DISAGREEMENT,
     LIGHT_SCALE,
@@ -19,7 +20,6 @@ from spectrabox.radiometry.error_model import (
 from spectrabox.radiometry.records.spectra import (
     CaptureStates,
     Outcome,
-    SignalError,
     SpectralMeasurement,
     SpectrumSamples,
     SurfaceSignals,
@@ -144,8 +144,8 @@ def test_bands_hold_where_many_bands_that_become_few_err_by_a_third(plain, surfa
         about = SurfaceSignals(
             ("wall",), (False,), PRIOR_GRID, np.full((1, nm.size), signal.mean()),
             tuple(map(str, range(bands))), np.repeat(np.arange(12), 3), matrix, signal[None],
-            (SignalError(PHOTO_NOISE, noise**2 * np.eye(bands)[None]), SignalError(
-                DISAGREEMENT, proportional_covariance(signal, covariance)[None])))
+            {PHOTO_NOISE: noise**2 * np.eye(bands)[None],
+             DISAGREEMENT: proportional_covariance(signal, covariance)[None]})
         one = measurement(about, 0)
         assert one.signal.size < bands and one.relative_covariance is not None
         found = solve_posterior(plain, one)
@@ -311,8 +311,8 @@ def signals_of(signal, relative, noise=0.01):
     return SurfaceSignals(
         ("wall",), (False,), grid, np.full((1, grid.nm.size), 0.3), ("B", "G", "R"),
         np.zeros(3, int), matrix, np.array([signal]),
-        (SignalError(PHOTO_NOISE, noise**2 * np.eye(3)[None]), SignalError(
-            DISAGREEMENT, proportional_covariance(np.array(signal), relative)[None])))
+        {PHOTO_NOISE: noise**2 * np.eye(3)[None],
+         DISAGREEMENT: proportional_covariance(np.array(signal), relative)[None]})
 
 
 def test_a_surface_carries_what_multiplies_its_signal_and_its_budget_adds_up():
@@ -369,10 +369,10 @@ def test_draws_of_all_surfaces_at_once_that_leave_a_surfaces_signal_are_not_take
     dark, light = (SpectrumSamples(PRIOR_GRID, np.full((1000, 61), level), np.full((1000, 13), 0.5),
                                    "at once", 1000.0, 0, Outcome.THROUGH_TRANSPORT, ())
                    for level in (0.01, 0.3))
-    options = DrawOptions(draws=1000)
-    found = sample_surfaces(signals, options, {}, lambda done, what: None, {"wall": dark})["wall"]
+    chosen = Sampling(draws=1000)
+    found = sample_surfaces(signals, chosen, 0, {}, lambda done, what: None, {"wall": dark})["wall"]
     assert found.samples.outcome is Outcome.UNSAID
     assert found.summary.lower.max() > 0.05
-    kept = sample_surfaces(signals_of([0.3, 0.3, 0.3], alike(3, 0.1)), options, {},
+    kept = sample_surfaces(signals_of([0.3, 0.3, 0.3], alike(3, 0.1)), chosen, 0, {},
                            lambda done, what: None, {"wall": light})["wall"]
     assert kept.samples.outcome is Outcome.THROUGH_TRANSPORT

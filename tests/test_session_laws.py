@@ -29,7 +29,6 @@ from spectrabox.measure.steps import calibration as calibration_step
 from spectrabox.measure.surfaces.surface_signals import errors_by_cause, scene_signals
 from spectrabox.measure.surfaces.surface_spectra import resample_summary
 from spectrabox.radiometry.grid import grid_from_nm
-from spectrabox.radiometry.records.scenes import StrayLightError
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum, SpectrumSummary
 
 COEFFICIENTS, COVARIANCE = curves_and_covariance()
@@ -96,7 +95,7 @@ def test_patches_left_out_are_left_out_of_the_chart_of_every_photo(even_light):
 def test_stray_light_of_one_photo_is_that_of_no_other():
     """What glare adds in a photo all its bands share; another photo has a glare of its own."""
     pattern = np.array([[0.01, 0.02, 0.03, 0.04, 0.05, 0.06]])
-    two = dataclasses.replace(joint(COEFFICIENTS), stray_light=(StrayLightError("glare", pattern),))
+    two = dataclasses.replace(joint(COEFFICIENTS), stray_light={"glare": pattern})
     both = [calibration(np.ones(61), COEFFICIENTS, COVARIANCE)] * 2
     found = errors_by_cause(scene_signals(two, both), 0)["glare"]
     error = pattern[0] * two.signal[0]

@@ -9,6 +9,7 @@ from spectrabox.measure.results.result_of_records import result_of
 from spectrabox.measure.scene.draws import _common_errors, _of_gloss, _of_stray_light, _of_tails
 from spectrabox.measure.scene.photo_errors import StatedErrors, with_stray_light
 from spectrabox.measure.steps.inversion import settings_of, views_of
+from spectrabox.radiometry.error_model import GLARE
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.inverse_rendering import reconstruct_views
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
@@ -86,7 +87,7 @@ def test_a_surface_without_usable_pixels_leaves_the_others_their_material(finish
     # what a surface mirrors says nothing of another
     assert [set(of_region[(error != 0).any(axis=1)]) for error in reflections] == [
         {name} for name in stray.materials]
-    for name, expected in zip(stray.materials, stray.stray_light[0].relative, strict=True):
+    for name, expected in zip(stray.materials, stray.stray_light[GLARE], strict=True):
         assert (expected > 0).all()
         np.testing.assert_array_equal(glare[of_region == name], np.broadcast_to(
             expected, glare[of_region == name].shape))

@@ -61,7 +61,7 @@ def test_glare_and_ambient_light_are_what_a_photo_with_them_reads_more():
     clean = joint(irradiance, surface)
     lit_otherwise = with_stray_light(clean, StatedErrors(np.full(3, 0.01), 0.004,
                                                          {"dark": "glossy"}))
-    estimate = {stray.cause: stray.relative for stray in lit_otherwise.stray_light}
+    estimate = lit_otherwise.stray_light
     photo = clean.views[0].measured
     hazy = photo + 0.01 * photo.mean(axis=(0, 1))
     lit = joint(irradiance + 0.004 * np.percentile(irradiance, 99), surface).views[0].measured
@@ -81,7 +81,7 @@ def test_dark_paint_owes_most_to_glare_and_shadow_to_ambient_light():
     shaded = np.where(surface == 1, 0.1, 1.0)
     stray = with_stray_light(joint(shaded, surface),
                              StatedErrors(np.full(3, 0.005), 0.002, {})).stray_light
-    glare, ambient = (of_cause.relative for of_cause in stray)
+    glare, ambient = stray[GLARE], stray[STRAY_LIGHT]
     assert np.all(glare[1] > 10 * glare[0])
     # Round-off: the white paint's light is the brightest; the shadow has a tenth of it.
     np.testing.assert_allclose(ambient, np.array([[0.002] * 3, [0.02] * 3]), rtol=1e-9)
@@ -114,7 +114,7 @@ def test_a_session_names_each_cause_in_its_budget(finished):
     # Inverse squares, 0.5 % along each axis: 1 %, less where the light falls at an angle.
     errors = {error.cause: error.relative for error in session.views[0].light_scale.common_errors}
     assert 0.005 < errors[LAMP_AT_CHART] < 0.012
-    without = dataclasses.replace(session, stray_light=())
+    without = dataclasses.replace(session, stray_light={})
     total = sum(errors_by_cause(scene_signals(without, calibrations), 0).values())
     # Round-off.
     np.testing.assert_allclose(sum(parts.values()) - total, parts[GLARE] + parts[STRAY_LIGHT],

@@ -44,11 +44,12 @@ from spectrabox.measure.advice.forecast import (
 )
 from spectrabox.measure.captured import Capture, FlatCapture
 from spectrabox.measure.estimate import Estimate
-from spectrabox.measure.more_bands import filter_fit
+from spectrabox.measure.more_bands import filter_fit, joined_errors
 from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.surfaces.surface_signals import alone
 from spectrabox.radiometry import error_model, errors, grid
 from spectrabox.radiometry.records import spectra
+from spectrabox.radiometry.records.calibration import Filter
 from spectrabox.radiometry.spectra import filters, named_spectra
 from spectrabox.sampling.prior import mixture, signal_posterior
 from spectrabox.sampling.summary import next_measurement_nm
@@ -62,18 +63,13 @@ LAMPS = {"daylight": "D65", "a halogen lamp": "A", "a cold white LED lamp": "LED
          "an RGB LED lamp": "LED-RGB1"}
 
 
-def usual_at_hand() -> filter_fit.LampsAtHand:
+def usual_at_hand() -> filter_fit.AtHand:
     """Common lamps, and two kinds of gels."""
-    return filter_fit.LampsAtHand(
-        {words: named_spectra.light(name, grid.FINE_GRID)
-         for words, name in LAMPS.items()}, {
-             words:
-             filters.stated_filter(
-                 words,
-                 np.clip(grid.pchip(GEL_NM, np.array(values), grid.FINE_GRID.nm),
-                         filters.MIN_TRANSMITTANCE, 1))
-             for words, values in GELS.items()
-         })
+    lamps = {words: named_spectra.light(name, grid.FINE_GRID) for words, name in LAMPS.items()}
+    gels = {words: filters.stated_filter(
+        words, np.clip(grid.pchip(GEL_NM, np.array(values), grid.FINE_GRID.nm),
+                       filters.MIN_TRANSMITTANCE, 1)) for words, values in GELS.items()}
+    return {**lamps, **gels}
 
 
 def exposure(photos: Sequence[filter_fit.FurtherPhoto]) -> tuple[list[float], list[int]]:
@@ -95,7 +91,6 @@ def exposure(photos: Sequence[filter_fit.FurtherPhoto]) -> tuple[list[float], li
 TO_FINE = grid.interpolation_matrix(mixture.PRIOR_GRID.nm, grid.FINE_GRID.nm)
 LIKELY = 0.1                # probability of matt from which stating it is worth a thought
 PAIRED = 4                  # best gels at hand, of which every pair is tried
-# draws that reproduce the signal
 # draws that reproduce the signal
 SEEN = (spectra.Outcome.FAMILIAR, spectra.Outcome.UNFAMILIAR, spectra.Outcome.BEYOND_LEARNT,
         spectra.Outcome.UNSAID)
@@ -121,7 +116,7 @@ class _Surface:
 
 
 def advice_on_capture(capture: Capture, records: CaptureRecords,
-                      hand: filter_fit.LampsAtHand | None = None) -> Advised:
+                      hand: filter_fit.AtHand | None = None) -> Advised:
     """What to do next of flat samples or a scene that were measured.
 
     Parameters
@@ -129,8 +124,8 @@ def advice_on_capture(capture: Capture, records: CaptureRecords,
     capture : Capture
     records : CaptureRecords
         Of all steps.
-    hand : LampsAtHand, optional
-        Common lamps and gels by default.
+    hand : mapping, optional
+        From names to lamps (301,) and filters; common lamps and gels by default.
     """
     surfaces = {name: _surface_of(capture, records, index)
                 for index, name in enumerate(records.signals.names)
@@ -146,7 +141,7 @@ def advice_on_capture(capture: Capture, records: CaptureRecords,
     fit = records.calibrate.chart
     if fit is not None and fit.patch_error is not None:
         calibration = records.calibrations(capture.views)[0]
-        fitted = further.ChartFitted(calibration, capture.lit_chart.reflectances,
+        fitted = joined_errors.ChartFitted(calibration, capture.lit_chart.reflectances,
                                      float(fit.patch_error[0]))
         for name, more in _of_photos(surfaces, *filter_fit.curves_and_light(calibration), fitted,
                                      hand or usual_at_hand(), all_of_them=hand is not None).items():
@@ -207,7 +202,7 @@ def _of_reading(surface: _Surface) -> Advice:
 def advice_on_signal(measured: spectra.SpectralMeasurement, prior: mixture.LogitMixture,
                      level: float = 0.95, *, found: Outlook | None = None,
                      curves: np.ndarray | None = None, present: np.ndarray | None = None,
-                     hand: filter_fit.LampsAtHand | None = None) -> tuple[Advice, ...]:
+                     hand: filter_fit.AtHand | None = None) -> tuple[Advice, ...]:
     """What to do next of a surface of which signals are known, and what they err by; further photos
     err by noise alone.
 
@@ -226,8 +221,8 @@ def advice_on_signal(measured: spectra.SpectralMeasurement, prior: mixture.Logit
         Sensitivities of the camera; without them no lamp is tried, only gels.
     present : (301,) array, optional
         The light.
-    hand : LampsAtHand, optional
-        Common lamps and gels by default.
+    hand : mapping, optional
+        From names to lamps (301,) and filters; common lamps and gels by default.
     """
     posterior = signal_posterior.solve_posterior(prior, measured)
     if posterior.outcome not in SEEN:
@@ -239,7 +234,7 @@ def advice_on_signal(measured: spectra.SpectralMeasurement, prior: mixture.Logit
         spectra.SurfaceSignals(
             ("signal",), (False,), measured.grid, estimate[None], bands,
             np.zeros(measured.signal.size, int), measured.relative_response, measured.signal[None],
-            (spectra.SignalError(error_model.PHOTO_NOISE, measured.noise_covariance[None]),),
+            {error_model.PHOTO_NOISE: measured.noise_covariance[None]},
             () if measured.states is None else (measured.states,)), posterior.mean,
         np.zeros(0) if posterior.states is None else posterior.states.mean)
     solved = outlook_of(posterior, level)
@@ -249,7 +244,7 @@ def advice_on_signal(measured: spectra.SpectralMeasurement, prior: mixture.Logit
     if curves is None or present is None:
         curves, present = measured.relative_response / grid.FINE_GRID.weights_nm, np.ones(
             grid.FINE_GRID.nm.size)
-        known = filter_fit.LampsAtHand({}, known.filters)
+        known = {name: each for name, each in known.items() if isinstance(each, Filter)}
     each = _of_photos({"": surface}, curves, present, None, known, all_of_them=hand is not None)
     return ranked([_of_reading(surface), *each.get("", [])])
 
@@ -280,7 +275,7 @@ def stated_outlook(estimate: Estimate) -> Outlook | None:
 
 
 def _of_photos(surfaces: Mapping[str, _Surface], curves: np.ndarray, present: np.ndarray,
-               fitted: further.ChartFitted | None, hand: filter_fit.LampsAtHand, *,
+               fitted: joined_errors.ChartFitted | None, hand: filter_fit.AtHand, *,
                all_of_them: bool) -> dict[str, list[Advice]]:
     """A photo more through the best of the gels, and under the best of the lamps; or through and
     under each of them, and through pairs of the best gels.

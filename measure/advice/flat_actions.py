@@ -159,8 +159,7 @@ def with_level(unknown: forecast.Unknown) -> forecast.Unknown:
     signal, states = np.nan_to_num(now.signal[0]), now.states[0]
     if not (signal > 0).any():
         return unknown
-    plane = next(error.covariance[0] for error in now.errors
-                 if error.cause == error_model.SAMPLE_PLANE)
+    plane = now.errors[error_model.SAMPLE_PLANE][0]
     variance = float((np.diag(plane)[signal > 0] / signal[signal > 0]**2).max())
     level = spectra.CaptureStates((LEVEL,), (error_model.SAMPLE_PLANE,), signal[:, None],
                                   np.full(1, -1.0), ("",), np.ones(1), np.zeros((1, 1)),
@@ -170,7 +169,8 @@ def with_level(unknown: forecast.Unknown) -> forecast.Unknown:
         forecast.total_covariance(now)[np.ix_(seen, seen)], forecast.left_errors(unknown)[seen])
     return replace(unknown, variables=np.r_[unknown.variables, level_mean], signals=replace(
         now, states=(spectra.independent_states(states, level),),
-        errors=tuple(error for error in now.errors if error.cause != error_model.SAMPLE_PLANE)))
+        errors={cause: covariance for cause, covariance in now.errors.items()
+                if cause != error_model.SAMPLE_PLANE}))
 
 
 def _told(photo: FlatPhoto, white: PhotoWhite | None, names: Sequence[str],

@@ -114,15 +114,15 @@ def outlook_after(unknown: Unknown, after: spectra.SurfaceSignals) -> Outlook:
         unknown,
         replace(
             after, signal=signal[None],
-            errors=tuple(error if error_model.CAUSES[error.cause].kind ==
-                         "added" else _scaled(error, after.signal[0], signal)
-                         for error in after.errors)))
+            errors={cause: covariance if error_model.CAUSES[cause].kind ==
+                    "added" else _scaled(covariance, after.signal[0], signal)
+                    for cause, covariance in after.errors.items()}))
 
 
-def _scaled(error: spectra.SignalError, before: np.ndarray, now: np.ndarray) -> spectra.SignalError:
-    """An error in proportion to signals (J,), of others."""
+def _scaled(covariance: np.ndarray, before: np.ndarray, now: np.ndarray) -> np.ndarray:
+    """The covariance of an error in proportion to signals (J,), of others."""
     scale = np.nan_to_num(np.divide(now, before, out=np.ones_like(now), where=before != 0), nan=1.0)
-    return replace(error, covariance=error.covariance * np.outer(scale, scale))
+    return covariance * np.outer(scale, scale)
 
 
 def left_errors(unknown: Unknown) -> np.ndarray:
@@ -135,7 +135,7 @@ def left_errors(unknown: Unknown) -> np.ndarray:
 
 def total_covariance(signals: spectra.SurfaceSignals) -> np.ndarray:
     """Covariance (J, J) of one surface's signal by all errors but its states."""
-    return np.asarray(np.sum([error.covariance[0] for error in signals.errors], axis=0))
+    return np.asarray(np.sum([covariance[0] for covariance in signals.errors.values()], axis=0))
 
 
 def _expected_signal(unknown: Unknown, after: spectra.SurfaceSignals) -> np.ndarray:

@@ -2,32 +2,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from spectrabox.measure.advice.forecast import Unknown, total_covariance
 from spectrabox.measure.more_bands.filter_fit import FurtherPhoto
-from spectrabox.measure.more_bands.joined_errors import Surface, joined_errors
+from spectrabox.measure.more_bands.joined_errors import ChartFitted, joined_errors
 from spectrabox.measure.regions.moved_lamp import LEVEL
 from spectrabox.measure.surfaces.surface_signals import FEW_BANDS, measurement
 from spectrabox.radiometry import error_model, gloss, grid
 from spectrabox.radiometry.covariance import block_diagonal
 from spectrabox.radiometry.records import spectra
-from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.sampling.further.more_measurements import Reading
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
 READING_ERROR = 0.005       # standard error of a reading: that of a good instrument
-
-
-@dataclass(frozen=True, eq=False)
-class ChartFitted:
-    """What errors of further photos come from, where a chart was fitted."""
-
-    calibration: Calibration        # of the first photo
-    chart: np.ndarray               # (I, 301) reflectances of the patches
-    patch_error: float              # relative, of a patch in one band against the model
 
 
 def with_reading(unknown: Unknown, nm: float) -> spectra.SurfaceSignals:
@@ -40,8 +30,8 @@ def with_reading(unknown: Unknown, nm: float) -> spectra.SurfaceSignals:
     """
     now = unknown.signals
     row = Reading.at_wavelength(nm, 0.0).row(now.grid)
-    causes = {error.cause: block_diagonal(error.covariance[0], np.zeros((1, 1)))
-              for error in now.errors}
+    causes = {cause: block_diagonal(covariance[0], np.zeros((1, 1)))
+              for cause, covariance in now.errors.items()}
     causes[error_model.PHOTO_NOISE] = causes.get(error_model.PHOTO_NOISE, 0.0) + block_diagonal(
         np.zeros_like(total_covariance(now)), np.array([[READING_ERROR**2]]))
     return _with_bands(now, row[None], causes, tuple(_pad(states, 1) for states in now.states),
@@ -84,19 +74,17 @@ def with_photos(unknown: Unknown, photos: Sequence[FurtherPhoto], white: np.ndar
     now = replace(unknown.signals, states=())
     measured = measurement(now, 0)
     spectrum = grid.interpolation_matrix(PRIOR_GRID.nm, now.grid.nm) @ unknown.spectrum
-    response, signals, errors = joined_errors(
-        [measured], spectrum[None], photos, white, None if fitted is None else [
-            Surface(now, 0, fitted.calibration, fitted.chart, fitted.patch_error)])
+    response, signal, errors = joined_errors(now, spectrum, photos, white, fitted)
     further = response[measured.signal.size:]
     seen = [photo.same_lamp for photo in photos for dark in np.isin(
         np.arange(len(white)), photo.dark) if not dark]
     states = _states_with(unknown.signals.states, further @ spectrum, now.signal[0], seen, stated)
     causes = {
-        error_model.PHOTO_NOISE: errors.absolute[0], error_model.LIGHT_SCALE:
-        error_model.proportional_covariance(signals[0], errors.relative[0])
+        error_model.PHOTO_NOISE: errors.absolute, error_model.LIGHT_SCALE:
+        error_model.proportional_covariance(signal, errors.relative)
     }
     return None if states is None else _with_bands(unknown.signals, further, causes, states,
-                                                   signals[0, measured.signal.size:])
+                                                   signal[measured.signal.size:])
 
 
 def _states_with(states: tuple[spectra.CaptureStates, ...], further: np.ndarray, signal: np.ndarray,
@@ -129,8 +117,7 @@ def _with_bands(now: spectra.SurfaceSignals, response: np.ndarray, causes: Mappi
         view_of_band=np.r_[now.view_of_band, np.full(count, now.view_of_band.max() + 1)],
         response=np.vstack([now.response, response]),
         signal=np.hstack([now.signal, signals[None]]),
-        errors=tuple(spectra.SignalError(cause, covariance[None])
-                     for cause, covariance in causes.items()), states=states)
+        errors={cause: covariance[None] for cause, covariance in causes.items()}, states=states)
 
 
 def _pad(states: spectra.CaptureStates, bands: int) -> spectra.CaptureStates:

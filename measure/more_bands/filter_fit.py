@@ -151,12 +151,9 @@ def filter_from_readings(without: Spectrum, with_filter: Spectrum) -> MeasuredFi
 DARK = 1e-3             # of the brightest: no curve is divided by a light below it
 
 
-@dataclass(frozen=True)
-class LampsAtHand:
-    """Lamps, and filters for the present light, by name."""
-
-    lamps: Mapping[str, np.ndarray]     # (301,) spectra at 400, 401 ... 700 nm, any unit
-    filters: Mapping[str, Filter]
+# Lamps, as spectra (301,) at 400, 401 ... 700 nm in any unit, and filters for the present light, by
+# name
+AtHand = Mapping[str, np.ndarray | Filter]
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,8 +174,7 @@ class FurtherPhoto:
         return np.flatnonzero(self.white < DARK_BAND)
 
 
-def photos_at_hand(curves: np.ndarray, present: np.ndarray,
-                   hand: LampsAtHand) -> list[FurtherPhoto]:
+def photos_at_hand(curves: np.ndarray, present: np.ndarray, hand: AtHand) -> list[FurtherPhoto]:
     """A further photo under each lamp and through each filter.
 
     Parameters
@@ -187,21 +183,25 @@ def photos_at_hand(curves: np.ndarray, present: np.ndarray,
         Sensitivities at 400, 401 ... 700 nm.
     present : (301,) array
         The light that filters are used under.
-    hand : LampsAtHand
+    hand : mapping
+        From names to lamps and filters.
 
     Raises
     ------
     InputError
         If a band sees nothing at all.
     """
-    photos = {name: _photo(name, curves, light) for name, light in hand.lamps.items()}
+    photos = []
     now = _white(curves, present).max()
-    for name, filter in hand.filters.items():
-        light = present * filter.transmittance
+    for name, each in hand.items():
+        if not isinstance(each, Filter):
+            photos.append(_photo(name, curves, each))
+            continue
+        light = present * each.transmittance
         photo = _photo(name, curves, light)
         stops = float(np.log2(now / _white(curves, light).max()))
-        photos[name] = replace(photo, stops=stops, same_lamp=True, filter=filter)
-    return list(photos.values())
+        photos.append(replace(photo, stops=stops, same_lamp=True, filter=each))
+    return photos
 
 
 def _photo(name: str, curves: np.ndarray, light: np.ndarray) -> FurtherPhoto:

@@ -1,4 +1,4 @@
-"""Errors of what was measured of surfaces together with those of further photos of them.
+"""Errors of what was measured of a surface together with those of further photos of it.
 
 Photos share errors as `measure.flat` has them; under the same lamp the second chart sharpens the
 camera's curves: they are conditioned on the signals of its patches, whose levels are free. Where
@@ -15,13 +15,12 @@ import numpy as np
 
 from spectrabox.measure.more_bands import filter_fit
 from spectrabox.measure.regions.flat_signals import DARK_BAND, SHARED_BY_PHOTOS
-from spectrabox.measure.surfaces.surface_signals import all_errors_by_cause
+from spectrabox.measure.surfaces.surface_signals import errors_by_cause, measurement
 from spectrabox.radiometry import error_model, grid
 from spectrabox.radiometry.covariance import common_variance, error_patterns, symmetric
 from spectrabox.radiometry.records.calibration import Calibration, FittedFilter
 from spectrabox.radiometry.records.spectra import (
     Quantity,
-    SpectralMeasurement,
     Spectrum,
     SurfaceSignals,
 )
@@ -33,78 +32,69 @@ NOISES = (error_model.PHOTO_NOISE, error_model.RENDERING_NOISE)
 OF_RESPONSE = (error_model.SENSITIVITIES, error_model.LIGHT_SPECTRUM, error_model.FILTER)
 
 
-@dataclass(frozen=True)
-class Surface:
-    """A surface of a session, with what its errors come from."""
+@dataclass(frozen=True, eq=False)
+class ChartFitted:
+    """What errors of further photos come from, where a chart was fitted."""
 
-    signals: SurfaceSignals
-    index: int
     calibration: Calibration        # of the first photo
     chart: np.ndarray               # (I, 301) reflectances of the patches
     patch_error: float              # relative, of a patch in one band against the model
 
 
-def joined_errors(measured: Sequence[SpectralMeasurement], spectra: np.ndarray,
+def joined_errors(surface: SurfaceSignals, spectrum: np.ndarray,
                   photos: Sequence[filter_fit.FurtherPhoto], white: np.ndarray,
-                  surfaces: Sequence[Surface] | None
+                  fitted: ChartFitted | None
                   ) -> tuple[np.ndarray, np.ndarray, error_model.Errors]:
-    """Response (J, 301), expected signals (n, J) and their errors, of what was measured of n
-    surfaces of one photo and of further photos of them, without bands that are dark.
+    """Response (J, 301), expected signal (J,) and its errors, of what was measured of a surface in
+    one photo and of further photos of it, without bands that are dark.
 
     Parameters
     ----------
-    measured : sequence of n SpectralMeasurement
-        Of one response.
-    spectra : (n, 301) array
-        The reflectances about which the errors hold.
+    surface : SurfaceSignals
+        Of it alone, without what states of the capture add.
+    spectrum : (301,) array
+        The reflectance about which the errors hold.
     photos : sequence of FurtherPhoto
     white : (K,) array
         Signal of white in the first photo, that of the brightest band being 1.
-    surfaces : sequence of n Surface or None
+    fitted : ChartFitted or None
         None: photos err by noise alone.
     """
-    before = np.array([one.noise_covariance for one in measured])
-    now = np.array([one.signal for one in measured])
-    shares = np.array([np.zeros_like(one.noise_covariance) if one.relative_covariance is None
-                       else one.relative_covariance for one in measured])
-    if not photos:
-        return measured[0].relative_response, now, error_model.Errors.of_total(before, now, shares)
-    known, bands = measured[0].signal.size, len(white)
-    response = np.vstack([measured[0].relative_response, *(photo.response for photo in photos)])
+    measured = measurement(surface, 0)
+    before, now = measured.noise_covariance, measured.signal
+    known, bands = now.size, len(white)
+    response = np.vstack([measured.relative_response, *(photo.response for photo in photos)])
     # an error of the light makes all photos as bright as the first one: what shares a factor has to
     # be in proportion to signals that share it
-    expected = spectra @ response.T
-    brighter = np.sum(now * expected[:, :known], axis=1) / np.sum(expected[:, :known]**2, axis=1)
-    signals = np.hstack([now, brighter[:, None] * expected[:, known:]])
+    expected = response @ spectrum
+    brighter = np.sum(now * expected[:known]) / np.sum(expected[:known]**2)
+    signal = np.r_[now, brighter * expected[known:]]
     blocks = [slice(known + number * bands, known + (number + 1) * bands)
               for number in range(len(photos))]
-    total = np.zeros((len(measured), len(response), len(response)))
-    total[:, :known, :known] = before
-    multiplies = np.zeros_like(total)
-    for index, signal in enumerate(signals):
-        causes = {error_model.PHOTO_NOISE: before[index]}
-        if surfaces is not None:
-            causes = all_errors_by_cause(surfaces[index].signals, surfaces[index].index)
-        for cause, covariance in causes.items():
-            own = covariance[:bands, :bands]
-            if cause in NOISES:
-                total[index] += _of_noise(own, white, signal, blocks, photos)
-            elif cause not in OF_RESPONSE:
-                added = _of_cause(cause, own, signal, blocks, photos)
-                total[index] += added
-                if error_model.CAUSES[cause].kind == "proportional":
-                    multiplies[index] += added
-                    multiplies[index, :known, :known] += covariance
-    if surfaces is not None:
-        total += _of_response(surfaces, signals, spectra, response, known, photos)
+    total, multiplies = np.zeros((2, len(response), len(response)))
+    total[:known, :known] = before
+    causes = {error_model.PHOTO_NOISE: before} if fitted is None else errors_by_cause(surface, 0)
+    for cause, covariance in causes.items():
+        own = covariance[:bands, :bands]
+        if cause in NOISES:
+            total += _of_noise(own, white, signal, blocks, photos)
+        elif cause not in OF_RESPONSE:
+            added = _of_cause(cause, own, signal, blocks, photos)
+            total += added
+            if error_model.CAUSES[cause].kind == "proportional":
+                multiplies += added
+                multiplies[:known, :known] += covariance
+    if fitted is not None:
+        total += _of_response(fitted, surface, signal, spectrum, response, photos)
+    elif measured.relative_covariance is not None:
+        multiplies[:known, :known] = error_model.proportional_covariance(
+            now, measured.relative_covariance)
     seen = np.concatenate([np.ones(known, bool), *(photo.white >= DARK_BAND for photo in photos)])
-    if surfaces is None:
-        multiplies[:, :known, :known] = error_model.proportional_covariance(now, shares)
-    signals, total, multiplies = (each[:, seen] for each in (signals, total, multiplies))
-    inverse = np.divide(1.0, signals, out=np.zeros_like(signals), where=signals != 0)
-    return response[seen], signals, error_model.Errors.of_total(
-        np.array([symmetric(one) for one in total[:, :, seen]]), signals,
-        error_model.proportional_covariance(inverse, multiplies[:, :, seen]))
+    signal, within = signal[seen], np.ix_(seen, seen)
+    inverse = np.divide(1.0, signal, out=np.zeros_like(signal), where=signal != 0)
+    return response[seen], signal, error_model.Errors.of_total(
+        symmetric(total[within]), signal,
+        error_model.proportional_covariance(inverse, multiplies[within]))
 
 
 def _of_noise(own: np.ndarray, white: np.ndarray, signal: np.ndarray, blocks: Sequence[slice],
@@ -144,40 +134,37 @@ def _of_cause(cause: str, own: np.ndarray, signal: np.ndarray, blocks: Sequence[
     return total
 
 
-def _of_response(surfaces: Sequence[Surface], signals: np.ndarray, spectra: np.ndarray,
-                 response: np.ndarray, known: int,
+def _of_response(fitted: ChartFitted, surface: SurfaceSignals, signal: np.ndarray,
+                 spectrum: np.ndarray, response: np.ndarray,
                  photos: Sequence[filter_fit.FurtherPhoto]) -> np.ndarray:
-    """What errors of curves, light and filters add to the covariances (n, J, J); of the first photo
+    """What errors of curves, light and filters add to the covariance (J, J); of the first photo
     what they then add less than now.
     """
     bands = len(photos[0].white)
-    seen = np.r_[0:bands, known:signals.shape[1]]
-    now = surfaces[0].calibration
-    calibrations = _with_charts(surfaces[0], [
+    seen = np.r_[0:bands, signal.size - len(photos) * bands:signal.size]
+    now = fitted.calibration
+    calibrations = _with_charts(fitted, [
         now, *(_calibration_of(now, photo) for photo in photos)], photos)
     views = np.repeat(np.arange(len(photos) + 1), bands)
-    joint = SurfaceSignals(tuple(f"{number}" for number in range(len(signals))),
-                           (False,) * len(signals), grid.FINE_GRID, spectra,
+    joint = SurfaceSignals(("",), (False,), grid.FINE_GRID, spectrum[None],
                            tuple(f"{number}" for number in seen), views, response[seen],
-                           signals[:, seen], ())
-    total = np.zeros((*signals.shape, signals.shape[1]))
-    total[:, seen[:, None], seen] = (error_model.sensitivity_covariance(calibrations, joint)
-                                     + error_model.light_covariance(calibrations, joint)
-                                     + error_model.filter_covariance(calibrations, joint))
-    own = slice(0, bands)
-    for index, surface in enumerate(surfaces):
-        for error in surface.signals.errors:
-            if error.cause in (error_model.SENSITIVITIES, error_model.LIGHT_SPECTRUM):
-                total[index, own, own] -= error.covariance[surface.index][own, own]
+                           signal[None, seen], {})
+    total = np.zeros((signal.size, signal.size))
+    total[np.ix_(seen, seen)] = (error_model.sensitivity_covariance(calibrations, joint)
+                                 + error_model.light_covariance(calibrations, joint)
+                                 + error_model.filter_covariance(calibrations, joint))[0]
+    for cause in (error_model.SENSITIVITIES, error_model.LIGHT_SPECTRUM):
+        if cause in surface.errors:
+            total[:bands, :bands] -= surface.errors[cause][0][:bands, :bands]
     return total
 
 
-def _with_charts(surface: Surface, calibrations: list[Calibration],
+def _with_charts(fitted: ChartFitted, calibrations: list[Calibration],
                  photos: Sequence[filter_fit.FurtherPhoto]) -> list[Calibration]:
     """The calibrations once the charts of photos under the first lamp are fitted too: curves and
     filters are conditioned on their patches, relative to a white of free level in every band.
     """
-    fit = surface.calibration.sensitivity
+    fit = fitted.calibration.sensitivity
     filtered = [number for number, photo in enumerate(photos, start=1) if photo.filter is not None]
     if fit.covariance is None or not filtered:
         return calibrations
@@ -188,13 +175,13 @@ def _with_charts(surface: Surface, calibrations: list[Calibration],
     rows, noise = [], []
     for number, start, stop in zip(filtered, starts[:-1], starts[1:], strict=True):
         for band in np.flatnonzero(photos[number - 1].white >= DARK_BAND):
-            patches, by_curve, by_filter = _patches_in_band(surface.chart, calibrations[number],
+            patches, by_curve, by_filter = _patches_in_band(fitted.chart, calibrations[number],
                                                             int(band))
             row = np.zeros((len(patches), starts[-1]))
             row[:, :curves] = by_curve @ patterns
             row[:, start:stop] = by_filter
             rows.append(row)
-            noise.append(surface.patch_error * np.maximum(patches, DARK_PATCH))
+            noise.append(fitted.patch_error * np.maximum(patches, DARK_PATCH))
     seen = np.vstack(rows)
     spread = seen @ seen.T + np.diag(np.concatenate(noise) ** 2)
     left = symmetric(np.eye(starts[-1]) - seen.T @ np.linalg.solve(spread, seen))
@@ -202,10 +189,10 @@ def _with_charts(surface: Surface, calibrations: list[Calibration],
         patterns @ left[:curves, :curves] @ patterns.T))
     known = [dataclasses.replace(each, sensitivity=sharper) for each in calibrations]
     for number, start, stop in zip(filtered, starts[:-1], starts[1:], strict=True):
-        fitted = known[number].filter
-        assert fitted is not None
+        own = known[number].filter
+        assert own is not None
         known[number] = dataclasses.replace(known[number], filter=FittedFilter(
-            fitted.filter, left[start:stop, start:stop],
+            own.filter, left[start:stop, start:stop],
             left[start:stop, :curves] @ patterns.T))
     return known
 

@@ -151,7 +151,7 @@ class PixelErrors:
             ("",) * len(signals), (False,) * len(signals), grid.FINE_GRID,
             spectra @ grid.interpolation_matrix(PRIOR_GRID.nm, grid.FINE_GRID.nm).T,
             ("",) * seen.size, self.photo_of_band, self.fine_responses[light],
-            np.where(seen, signals, 0.0), ())
+            np.where(seen, signals, 0.0), {})
         return np.sum([
             by_cause(self.calibrations[light], surfaces)
             for by_cause in (error_model.sensitivity_covariance, error_model.light_covariance,

@@ -10,6 +10,7 @@ import numpy as np
 from spectrabox.calibrate.chart_equations import PatchError
 from spectrabox.measure.regions.moved_lamp import gloss_and_level
 from spectrabox.measure.regions.white import FlatErrors, FlatPhoto, PhotoWhite, white_at_regions
+from spectrabox.measure.shoot import options
 from spectrabox.measure.surfaces import surface_signals, surface_spectra
 from spectrabox.radiometry import error_model, gloss, grid
 from spectrabox.radiometry.errors import CheckError
@@ -111,14 +112,14 @@ def flat_signals(photos: Sequence[FlatPhoto], whites: Sequence[PhotoWhite | None
     if moved:
         del causes[error_model.SAMPLE_PLANE]        # it is the level of the states
     signals = SurfaceSignals(names, tuple(name in known for name in names), grid.FINE_GRID, spectra,
-                             labels, np.repeat(distinct, count), response, signal, (), states)
+                             labels, np.repeat(distinct, count), response, signal, {}, states)
     filled = dataclasses.replace(signals, signal=np.nan_to_num(signal))
     calibrations = [photo.calibration for photo in photos]
     causes[error_model.SENSITIVITIES] = error_model.sensitivity_covariance(calibrations, filled)
     causes[error_model.LIGHT_SPECTRUM] = error_model.light_covariance(calibrations, filled)
     if any(calibration.filter is not None for calibration in calibrations):
         causes[error_model.FILTER] = error_model.filter_covariance(calibrations, filled)
-    return surface_signals.with_errors(signals, causes)
+    return dataclasses.replace(signals, errors=causes)
 
 
 def errors_of_region(name: str, shown: Sequence[tuple[FlatPhoto, PhotoWhite]],
@@ -264,10 +265,10 @@ class RegionSignal:
                                                 surface_signals.measurement(self.signals, 0))
 
     def spectrum(self, families: Sequence[str],
-                 options: surface_spectra.DrawOptions) -> SurfaceSpectrum:
+                 chosen: options.Sampling, seed: int) -> SurfaceSpectrum:
         """The spectrum as a run draws it, whose seed is that of the run plus the region's index."""
         name = self.signals.names[0]
-        return surface_spectra.sample_surfaces(self.signals, options, {name: families},
+        return surface_spectra.sample_surfaces(self.signals, chosen, seed, {name: families},
                                lambda done, what: None)[name]
 
 

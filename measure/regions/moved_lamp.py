@@ -163,7 +163,7 @@ def _compared(signals: spectra.SurfaceSignals, index: int, name: str, first: np.
     contrast = np.zeros((first.size, signal.size))
     contrast[range(first.size), first] = 1
     contrast[range(first.size), other] = -1
-    noise = np.sum([error.covariance[index] for error in signals.errors], axis=0)
+    noise = np.sum([covariance[index] for covariance in signals.errors.values()], axis=0)
     noise = contrast @ np.nan_to_num(noise) @ contrast.T
     pattern = contrast @ states.pattern
     difference = contrast @ np.nan_to_num(signal)

@@ -19,7 +19,6 @@ from spectrabox.measure.regions import flat_signals, white
 from spectrabox.measure.steps.photos import PHOTO_THUMBNAIL_WIDTH as THUMBNAIL_WIDTH
 from spectrabox.measure.steps.photos import outlines_in, registration_of
 from spectrabox.measure.steps.signals import flat_errors, flat_photos
-from spectrabox.measure.surfaces.surface_spectra import DrawOptions
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.records.photos import LinearImage, RegionSamples, Registration
 from spectrabox.radiometry.records.spectra import SurfaceSpectrum
@@ -156,11 +155,10 @@ class PointedSample:
         ----------
         name : str
         """
-        chosen, region = self.capture.sampling, self.capture.regions[name]
+        capture, region = self.capture, self.capture.regions[name]
         signal = self.signal(name, region)
-        return signal, signal.spectrum(region.families, DrawOptions(
-            chosen.method, chosen.draws, chosen.coefficients, chosen.level,
-            self.capture.seed + list(self.capture.regions).index(name)))
+        return signal, signal.spectrum(region.families, capture.sampling,
+                                       capture.seed + list(capture.regions).index(name))
 
     def pointed(self, region: captured.Region) -> tuple[flat_signals.RegionSignal, SignalPosterior]:
         """Signal and spectrum of any part of a photo, the spectrum in closed form.

@@ -139,9 +139,9 @@ def _of_stray_light(joint: JointReconstruction, regions: RegionTransport,
     index = np.array([joint.materials.index(regions.transport.materials[material])
                       for material in regions.material])
     errors: dict[str, np.ndarray] = {}
-    for stray in joint.stray_light:
-        changes = signal * stray.relative[index]
-        errors[stray.cause] = np.array([changes] if error_model.CAUSES[stray.cause].surfaces else [
+    for cause, relative in joint.stray_light.items():
+        changes = signal * relative[index]
+        errors[cause] = np.array([changes] if error_model.CAUSES[cause].surfaces else [
             np.where((index == material)[:, None], changes, 0.0) for material in np.unique(index)])
     return errors
 

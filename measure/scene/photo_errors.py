@@ -68,8 +68,7 @@ def with_stray_light(joint: scenes.JointReconstruction,
                 of_ambient[index, bands] = errors.ambient * brightest / irradiance[own].mean()
     return dataclasses.replace(
         joint, gloss=dict(errors.gloss),
-        stray_light=(scenes.StrayLightError(error_model.GLARE, of_glare),
-                     scenes.StrayLightError(error_model.STRAY_LIGHT, of_ambient)))
+        stray_light={error_model.GLARE: of_glare, error_model.STRAY_LIGHT: of_ambient})
 
 
 def _irradiance(view: scenes.Reconstruction) -> np.ndarray:

@@ -25,7 +25,7 @@ from spectrabox.measure.regions.moved_lamp import differences_of_photos
 from spectrabox.measure.scene.draws import draw_through_transport
 from spectrabox.measure.steps.photos import PREVIEW_WIDTH
 from spectrabox.measure.steps.work import Work
-from spectrabox.measure.surfaces.surface_spectra import DrawOptions, sample_surfaces
+from spectrabox.measure.surfaces.surface_spectra import sample_surfaces
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.spectra import SpectrumSamples
@@ -179,7 +179,5 @@ def draw_surfaces(capture: Capture, records: CaptureRecords, work: Work) -> Samp
         jointly = draw_through_transport(
             records.calibrations(capture.views)[0], records.reconstruct.joint, chosen.draws,
             capture.seed, chosen.coefficients, families)
-    options = DrawOptions(chosen.method, chosen.draws, chosen.coefficients, chosen.level,
-                          capture.seed)
-    return SampleRecords(sample_surfaces(records.signals, options, families, work.progress,
-                                         jointly))
+    return SampleRecords(sample_surfaces(records.signals, chosen, capture.seed, families,
+                                         work.progress, jointly))

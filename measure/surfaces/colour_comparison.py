@@ -378,11 +378,11 @@ def _joint_covariance(signals: Sequence[SurfaceSignals]) -> tuple[np.ndarray, np
         raise CheckError("no band shows both colours: compare colours of one photo")
     count = seen.size
     joint = np.zeros((2 * count, 2 * count))
-    for errors in zip(*(own.errors for own in signals), strict=True):
-        own = [error.covariance[0][np.ix_(seen, seen)] for error in errors]
+    for cause in signals[0].errors:
+        own = [each.errors[cause][0][np.ix_(seen, seen)] for each in signals]
         joint[:count, :count] += own[0]
         joint[count:, count:] += own[1]
-        if CAUSES[errors[0].cause].surfaces:
+        if CAUSES[cause].surfaces:
             cross = symmetric_root(own[0]) @ symmetric_root(own[1])
             joint[:count, count:] += cross
             joint[count:, :count] += cross.T

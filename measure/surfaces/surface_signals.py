@@ -31,7 +31,7 @@ def scene_signals(joint: scenes.JointReconstruction,
     """
     signals = spectra.SurfaceSignals(joint.materials, joint.known, joint.grid, joint.spectra,
                                      joint.bands, joint.view_of_band, joint.response, joint.signal,
-                                     (), _gloss_of(joint))
+                                     {}, _gloss_of(joint))
     views = np.unique(joint.view_of_band)
     scales = [error_model.scale_covariances(calibrations[view], joint.views[view].light_scale)
               for view in views]
@@ -48,12 +48,11 @@ def scene_signals(joint: scenes.JointReconstruction,
         roots = np.vstack([symmetric_root(parts.get(cause, none)) for parts in scales])
         relative = (1.0 if error_model.CAUSES[cause].photos else shared) * (roots @ roots.T)
         causes[cause] = error_model.proportional_covariance(joint.signal, relative)
-    for stray in joint.stray_light:
-        causes[stray.cause] = error_model.added_covariance(stray.relative * joint.signal,
-                                                           joint.view_of_band)
+    for cause, relative in joint.stray_light.items():
+        causes[cause] = error_model.added_covariance(relative * joint.signal, joint.view_of_band)
     causes[error_model.DISAGREEMENT] = error_model.proportional_covariance(
         joint.signal, joint.model_covariance)
-    return with_errors(signals, causes)
+    return replace(signals, errors=causes)
 
 
 def _gloss_of(joint: scenes.JointReconstruction) -> tuple[spectra.CaptureStates, ...]:
@@ -68,12 +67,6 @@ def _gloss_of(joint: scenes.JointReconstruction) -> tuple[spectra.CaptureStates,
                  for name, gloss in zip(joint.materials, glosses, strict=True))
 
 
-def with_errors(signals: spectra.SurfaceSignals,
-                causes: dict[str, np.ndarray]) -> spectra.SurfaceSignals:
-    """The signals with the covariances (M, J, J) of their errors by cause."""
-    return replace(signals, errors=tuple(spectra.SignalError(*cause) for cause in causes.items()))
-
-
 def alone(signals: spectra.SurfaceSignals, index: int) -> spectra.SurfaceSignals:
     """The signals of one surface.
 
@@ -86,8 +79,9 @@ def alone(signals: spectra.SurfaceSignals, index: int) -> spectra.SurfaceSignals
     own = slice(index, index + 1)
     return replace(signals, names=signals.names[own], known=signals.known[own],
                    spectra=signals.spectra[own], signal=signals.signal[own],
-                   errors=tuple(spectra.SignalError(error.cause, error.covariance[own])
-                                for error in signals.errors), states=signals.states[own])
+                   errors={cause: covariance[own]
+                           for cause, covariance in signals.errors.items()},
+                   states=signals.states[own])
 
 
 def errors_by_cause(signals: spectra.SurfaceSignals, index: int) -> dict[str, np.ndarray]:
@@ -164,7 +158,8 @@ def _independent(signals: spectra.SurfaceSignals,
 def _errors_in_bands(signals: spectra.SurfaceSignals, index: int) -> dict[str, np.ndarray]:
     """Covariance of one surface's signal by cause, in the bands that show it."""
     seen = np.flatnonzero(np.isfinite(signals.signal[index]))
-    return {error.cause: error.covariance[index][np.ix_(seen, seen)] for error in signals.errors}
+    return {cause: covariance[index][np.ix_(seen, seen)]
+            for cause, covariance in signals.errors.items()}
 
 
 def _states_in_bands(signals: spectra.SurfaceSignals, index: int) -> spectra.CaptureStates | None:
@@ -214,8 +209,8 @@ def noise_and_disagreement(signals: spectra.SurfaceSignals,
         Of the surface.
     """
     signal = signals.signal[index]
-    by_cause = {error.cause: error.covariance[index] for error in signals.errors}
-    noise = by_cause[error_model.PHOTO_NOISE if error_model.PHOTO_NOISE in
-                     by_cause else error_model.RENDERING_NOISE]
+    errors = signals.errors
+    noise = errors[error_model.PHOTO_NOISE if error_model.PHOTO_NOISE in
+                   errors else error_model.RENDERING_NOISE]
     with np.errstate(invalid="ignore"):
-        return noise, by_cause[error_model.DISAGREEMENT] / np.outer(signal, signal)
+        return noise[index], errors[error_model.DISAGREEMENT][index] / np.outer(signal, signal)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from spectrabox.measure.shoot import options
 from spectrabox.measure.surfaces.surface_signals import errors_by_cause, measurement
 from spectrabox.radiometry import appearance, findings
 from spectrabox.radiometry.records.spectra import (
@@ -27,18 +28,7 @@ from spectrabox.sampling.prior import mixture, signal_posterior
 from spectrabox.sampling.summary import summarise
 
 
-@dataclass(frozen=True)
-class DrawOptions:
-    """How the spectra behind a signal are drawn."""
-
-    method: str = "prior"           # a key of sampling.draw_methods.METHODS
-    draws: int = 4000
-    coefficients: int = 13          # of the splines that are fitted to the draws
-    level: float = 0.95             # of the band
-    seed: int = 0
-
-
-def sample_surfaces(signals: SurfaceSignals, options: DrawOptions,
+def sample_surfaces(signals: SurfaceSignals, chosen: options.Sampling, seed: int,
                     families: Mapping[str, Sequence[str]], progress: Progress,
                     joint_draws: Mapping[str, SpectrumSamples] | None = None
                     ) -> dict[str, SurfaceSpectrum]:
@@ -47,7 +37,9 @@ def sample_surfaces(signals: SurfaceSignals, options: DrawOptions,
     Parameters
     ----------
     signals : SurfaceSignals
-    options : DrawOptions
+    chosen : Sampling
+    seed : int
+        Of the first surface; each further one has the next.
     families : mapping
         From the name of a surface to the families it is said to be of.
     progress : callable
@@ -64,12 +56,12 @@ def sample_surfaces(signals: SurfaceSignals, options: DrawOptions,
         if not signals.known[index]:
             progress(index / len(signals.names), name)
             spectra[name] = _sample_surface(
-                signals, index, dataclasses.replace(options, seed=options.seed + index),
-                families.get(name, ()), (joint_draws or {}).get(name))
+                signals, index, chosen, seed + index, families.get(name, ()),
+                (joint_draws or {}).get(name))
     return spectra
 
 
-def _sample_surface(signals: SurfaceSignals, index: int, options: DrawOptions,
+def _sample_surface(signals: SurfaceSignals, index: int, chosen: options.Sampling, seed: int,
                     families: Sequence[str],
                     draws: SpectrumSamples | None) -> SurfaceSpectrum:
     seen = measurement(signals, index)
@@ -77,21 +69,21 @@ def _sample_surface(signals: SurfaceSignals, index: int, options: DrawOptions,
     variance_shares: dict[str, float] = {}
     family_shares: dict[str, float] = {}
     states: StateEstimate | None = None
-    if options.method == "prior":
+    if chosen.method == "prior":
         posterior = signal_posterior.solve_posterior(prior, seen)
         family_shares, states = posterior.family_shares, posterior.states
         unsaid = draws is not None and not posterior.says(draws.spectra.mean(axis=0))
         if draws is None or unsaid:
             variance_shares = posterior.variance_shares(errors_by_cause(signals, index))
-            draws = posterior.samples(options.draws, options.seed, options.coefficients)
+            draws = posterior.samples(chosen.draws, seed, chosen.coefficients)
             seen = posterior.measurement
         if unsaid:      # of its own signal, which the draws of all surfaces at once left
             draws = dataclasses.replace(draws, outcome=Outcome.UNSAID,
                                         findings=(Outcome.UNSAID.finding(),))
     if draws is None:
-        draws = draw_methods.draw_spectra(seen, options.method, options.draws, options.seed,
-                             options.coefficients, prior)
-    summary = summarise(draws, seen, options.level, conditions_of_band(draws, seen))
+        draws = draw_methods.draw_spectra(seen, chosen.method, chosen.draws, seed,
+                             chosen.coefficients, prior)
+    summary = summarise(draws, seen, chosen.level, conditions_of_band(draws, seen))
     return SurfaceSpectrum(draws, resample_summary(summary, seen.grid), variance_shares,
                            family_shares, states)
 

@@ -125,14 +125,6 @@ class Reconstruction(Record):
     known_light: KnownLight | None = None           # None where no known surface tells of it
 
 
-@dataclass(frozen=True, eq=False)
-class StrayLightError(Record):
-    """One cause of light that the scene does not hold, by its standard error."""
-
-    cause: str
-    relative: Annotated[np.ndarray, "M J"]          # of each material's signal, bands correlated
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class JointReconstruction(Record):
     """Spectra that explain V photos, and the signals of J bands: every independent response.
@@ -154,7 +146,9 @@ class JointReconstruction(Record):
     signal_covariance: Annotated[np.ndarray, "M J J"]
     model_covariance: Annotated[np.ndarray, "M J J"]    # relative; independent between views
     regions: tuple[RegionTransport, ...] = ()       # of each view; none by engines without them
-    stray_light: tuple[StrayLightError, ...] = ()        # independent of each other
+    # by light that the scene does not hold, by cause: standard error relative to each material's
+    # signal, which bands of a photo share
+    stray_light: dict[str, Annotated[np.ndarray, "M J"]] = field(default_factory=dict)
     lamps: tuple[str, ...] = ()     # of each view, alike under one in one place; () each its own
     # what is stated of the surfaces of materials that may mirror light, of gloss.KINDS; None:
     # nothing. Those that are not named mirror what the scene says

@@ -224,14 +224,6 @@ def default_band_names(count: int) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class SignalError(Record):
-    """One cause of error of M surfaces' signals; its covariance holds what bands share."""
-
-    cause: str
-    covariance: Annotated[np.ndarray, "M J J"]
-
-
-@dataclass(frozen=True, eq=False)
 class SurfaceSignals(Record):
     """What the photos of a session say of M surfaces, in the J bands of all lights.
 
@@ -247,7 +239,7 @@ class SurfaceSignals(Record):
     view_of_band: Annotated[np.ndarray, "J"]        # int, index of the photo's view
     response: Annotated[np.ndarray, "J P"]          # of each band; rows sum to 1
     signal: Annotated[np.ndarray, "M J"]            # relative to white; NaN where not photographed
-    errors: tuple[SignalError, ...]
+    errors: dict[str, Annotated[np.ndarray, "M J J"]]   # covariance by cause: what bands share too
     # of each surface, in the J bands: what its gloss may have added; none where nothing may
     states: tuple[CaptureStates, ...] = ()
 

@@ -12,7 +12,7 @@ import numpy as np
 from spectrabox.measure import texts
 from spectrabox.measure.advice import advise
 from spectrabox.measure.advice.advice import Advice, Advised
-from spectrabox.measure.more_bands.filter_fit import LampsAtHand
+from spectrabox.measure.more_bands.filter_fit import AtHand
 from spectrabox.measure.signals.options import SampleOptions
 from spectrabox.measure.signals.sample import measurement_of_signal, sample_signals
 from spectrabox.measure.signals.signal_capture import (
@@ -55,7 +55,7 @@ def advise_answer(request: AdviseRequest) -> tuple[dict[str, Any], str]:
                      "with --sensitivity and --light")
 
 
-def read_at_hand(lamps: str | None, filters: str | None) -> LampsAtHand | None:
+def read_at_hand(lamps: str | None, filters: str | None) -> AtHand | None:
     """Lamps and filters at hand, of two options of names or files separated by commas; None where
     neither is given.
 
@@ -71,9 +71,9 @@ def read_at_hand(lamps: str | None, filters: str | None) -> LampsAtHand | None:
                          "yellow.csv")
     if chosen == [None, None]:
         return None
-    return LampsAtHand({name: named_spectra.light(name, FINE_GRID) for name in chosen[0] or ()},
-                       {name: filter for word in chosen[1] or ()
-                        for name, filter in filters_at_hand(Path(word)).items()})
+    return {**{name: named_spectra.light(name, FINE_GRID) for name in chosen[0] or ()},
+            **{name: filter for word in chosen[1] or ()
+               for name, filter in filters_at_hand(Path(word)).items()}}
 
 
 def _of_signal(request: AdviseRequest) -> bool:
@@ -82,7 +82,7 @@ def _of_signal(request: AdviseRequest) -> bool:
                 or request.signal_under or request.same)
 
 
-def _on_signal(request: AdviseRequest, hand: LampsAtHand | None) -> tuple[dict[str, Any], str]:
+def _on_signal(request: AdviseRequest, hand: AtHand | None) -> tuple[dict[str, Any], str]:
     sensitivity, light = request.sensitivity, request.light
     if sensitivity is None or light is None:
         raise InputError("a signal needs its camera and its light: give --sensitivity and --light")

@@ -8,7 +8,7 @@ from spectrabox.api import arguments, estimates, session
 from spectrabox.measure.advice.advice import Advice
 from spectrabox.measure.advice.advise import advice_on_signal, stated_outlook
 from spectrabox.measure.estimate import Estimate
-from spectrabox.measure.more_bands.filter_fit import LampsAtHand
+from spectrabox.measure.more_bands.filter_fit import AtHand
 from spectrabox.radiometry import errors, grid
 from spectrabox.radiometry.spectra.filters import filters_at_hand
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
@@ -87,7 +87,7 @@ def advise(known: estimates.MeasuredSpectra | Estimate | session.Session | str |
 
 
 def _at_hand(lamps: Sequence[str] | Mapping[str, arguments.LightLike] | None,
-             filters: str | Path | Mapping[str, arguments.FilterLike] | None) -> LampsAtHand | None:
+             filters: str | Path | Mapping[str, arguments.FilterLike] | None) -> AtHand | None:
     """Lamps and filters by name; None where neither is given."""
     if lamps is None and filters is None:
         return None
@@ -96,5 +96,5 @@ def _at_hand(lamps: Sequence[str] | Mapping[str, arguments.LightLike] | None,
         passed = filters_at_hand(Path(filters))
     else:
         passed = {name: arguments.as_filter(each) for name, each in (filters or {}).items()}
-    return LampsAtHand({name: spectrum_on_grid(arguments.as_spectrum(each), grid.FINE_GRID)
-                        for name, each in by_name.items()}, passed)
+    return {**{name: spectrum_on_grid(arguments.as_spectrum(each), grid.FINE_GRID)
+               for name, each in by_name.items()}, **passed}
