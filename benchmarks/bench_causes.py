@@ -209,7 +209,7 @@ def fitted(photo: ChartPhoto, prior: CameraPrior) -> dict[str, Any]:
 
 # ---- what is said --------------------------------------------------------------------------------
 
-def ranking_of_photo(found: dict[str, Any]) -> chart_causes.Ranking:
+def ranking_of_photo(found: dict[str, Any]) -> dict[str, float]:
     """By the photo alone."""
     samples = found["samples"]
     return chart_causes.ranked(chart_causes.PatchSignals(
@@ -217,7 +217,7 @@ def ranking_of_photo(found: dict[str, Any]) -> chart_causes.Ranking:
         CLASSIC.centres_uv, quality.MIXING_SD))
 
 
-def ranking_of_fit(found: dict[str, Any]) -> chart_causes.Ranking | None:
+def ranking_of_fit(found: dict[str, Any]) -> dict[str, float] | None:
     """By the photo and its fit; None where nothing could be fitted."""
     if "state" not in found:
         return None
@@ -270,8 +270,8 @@ def said(found: dict[str, Any]) -> Said:
     def by_codes(claims: list[str]) -> str:
         ended = outcome(cause, claims)
         return "wrong" if ended == "open" else ended    # several are named, each as the one
-    alone = photo.named
-    both = alone if fit is None else fit.named
+    alone = chart_causes.likely_causes(photo)
+    both = alone if fit is None else chart_causes.likely_causes(fit)
     return Said(cause, outcome(cause, named), outcome(cause, named_fit), outcome(cause, alone),
                 outcome(cause, both), by_codes(old), by_codes(old_fit),
                 tuple(len(names) for names in (named, named_fit) if names))

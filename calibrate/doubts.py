@@ -278,8 +278,8 @@ def told_apart(findings: Sequence[Finding], patches: chart_causes.PatchSignals |
 
 
 def ranked(patches: chart_causes.PatchSignals,
-           evidence: Sequence[LightEvidence]) -> chart_causes.Ranking:
-    """How well each cause explains a chart photo.
+           evidence: Sequence[LightEvidence]) -> dict[str, float]:
+    """How well each cause explains a chart photo, as of ``chart_causes.ranked``.
 
     Parameters
     ----------

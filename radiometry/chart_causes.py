@@ -72,20 +72,6 @@ class PatchSignals(Record):
     mixing_sd: float                                # of a band's share of another, by the camera
 
 
-@dataclass(frozen=True)
-class Ranking:
-    """Log evidence (nats) of each cause above that of an ordinary photo, the likeliest first."""
-
-    nats: Mapping[str, float]
-
-    @property
-    def named(self) -> tuple[str, ...]:
-        """The likeliest cause, and with it those that the data do not exclude."""
-        best = max(self.nats.values())
-        return tuple(cause for cause, nats in self.nats.items() if nats > best - MARGIN
-                     )[:MOST_NAMED]
-
-
 Change = Callable[[np.ndarray, np.ndarray], np.ndarray]   # (signals, parameters) -> signals
 
 
@@ -102,8 +88,9 @@ class _Model:
     field_sd: float = 0.0                       # of a further field
 
 
-def ranked(patches: PatchSignals, known: Mapping[str, float] | None = None) -> Ranking:
-    """How well each cause explains the signals of a chart.
+def ranked(patches: PatchSignals, known: Mapping[str, float] | None = None) -> dict[str, float]:
+    """How well each cause explains the signals of a chart: its log evidence in nats above that of
+    an ordinary photo, the likeliest first.
 
     Parameters
     ----------
@@ -119,7 +106,19 @@ def ranked(patches: PatchSignals, known: Mapping[str, float] | None = None) -> R
     for cause, nats in (known or {}).items():
         evidence[cause] = max(evidence.get(cause, 0.0), 0.0) + nats
     evidence[CHANCE] = 0.0
-    return Ranking(dict(sorted(evidence.items(), key=lambda one: -one[1])))
+    return dict(sorted(evidence.items(), key=lambda one: -one[1]))
+
+
+def likely_causes(evidence: Mapping[str, float]) -> tuple[str, ...]:
+    """The likeliest cause, and with it those that the data do not exclude.
+
+    Parameters
+    ----------
+    evidence : mapping
+        From `ranked`.
+    """
+    best = max(evidence.values())
+    return tuple(cause for cause, nats in evidence.items() if nats > best - MARGIN)[:MOST_NAMED]
 
 
 def claims(findings: Iterable[Finding]) -> bool:
@@ -132,7 +131,8 @@ def claims(findings: Iterable[Finding]) -> bool:
     return any(one.code in CLAIMS and one.severity is not Severity.INFO for one in findings)
 
 
-def settled(findings: Iterable[Finding], ranking: Ranking, code: str) -> list[Finding]:
+def settled(findings: Iterable[Finding], evidence: Mapping[str, float],
+            code: str) -> list[Finding]:
     """Findings of a chart photo, of which those that name a cause stay where its rivals are
     excluded; in place of the others comes one with the causes that are not, unless those that stay
     name them already.
@@ -140,13 +140,13 @@ def settled(findings: Iterable[Finding], ranking: Ranking, code: str) -> list[Fi
     Parameters
     ----------
     findings : iterable of Finding
-    ranking : Ranking
-        Of the photo that they are about.
+    evidence : mapping
+        From `ranked`, of the photo that they are about.
     code : str
         Of the finding that takes their place: its values have ``causes``, the likeliest first, and
         ``doubts``, the values of each finding that it replaces by its code.
     """
-    named = ranking.named
+    named = likely_causes(evidence)
     kept: list[Finding] = []
     doubts: list[Finding] = []
     for one in findings:

@@ -9,7 +9,6 @@ import os
 import secrets
 import shutil
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
@@ -154,14 +153,6 @@ def too_large(name: str, limit_bytes: int) -> str:
             "out what does not belong into it")
 
 
-@dataclass(frozen=True)
-class FileState:
-    """What a file is at one moment: equal only where nobody has written to it in between."""
-
-    sha256: str
-    stamp: tuple[int, ...]      # device, inode, bytes, times of the last change
-
-
 def sha256_of(path: Path) -> str:
     """SHA-256 of a file's content.
 
@@ -174,11 +165,12 @@ def sha256_of(path: Path) -> str:
     InputError
         If the file is missing or cannot be read.
     """
-    return file_state(path).sha256
+    return file_state(path)[0]
 
 
-def file_state(path: Path) -> FileState:
-    """A file's content as SHA-256, with what changes when it is replaced or written to.
+def file_state(path: Path) -> tuple[str, tuple[int, ...]]:
+    """A file's content as SHA-256, and what changes when it is replaced or written to: device,
+    inode, bytes, times of the last change.
 
     Parameters
     ----------
@@ -195,8 +187,8 @@ def file_state(path: Path) -> FileState:
         with path.open("rb") as stream:
             # Taken first: what is written while the file is read shows in the next state.
             of = os.fstat(stream.fileno())
-            return FileState(hashlib.file_digest(stream, "sha256").hexdigest(),
-                             (of.st_dev, of.st_ino, of.st_size, of.st_mtime_ns, of.st_ctime_ns))
+            return hashlib.file_digest(stream, "sha256").hexdigest(), (
+                of.st_dev, of.st_ino, of.st_size, of.st_mtime_ns, of.st_ctime_ns)
     except FileNotFoundError:
         raise InputError(
             f"{path} is missing: add the file or correct its name") from None

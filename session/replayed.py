@@ -53,15 +53,8 @@ def rehearse(config: SessionConfig, times: int, seed: int, device: str,
     """
     replays = replays_of(config, times, seed, device,
                          lambda done, what: progress(0.1 * done, what))
-    rehearsals = rehearse_scene(replays, config.sampling.level, seed,
-                                lambda done, what: progress(0.1 + 0.9 * done, what))
-    return rehearsal.Rehearsed(
-        config.sampling.level, seed, int(rehearsals[0].coverage.size),
-        tuple(
-            rehearsal.RehearsedMaterial(each.name, float(each.coverage.mean()),
-                                        float(each.coverage_error), float(each.rmse.mean()),
-                                        float(each.width.mean()), tuple(each.ranks.tolist()))
-            for each in rehearsals))
+    return rehearse_scene(replays, config.sampling.level, seed,
+                          lambda done, what: progress(0.1 + 0.9 * done, what))
 
 
 def replays_of(config: SessionConfig, times: int, seed: int, device: str,

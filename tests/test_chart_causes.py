@@ -77,7 +77,7 @@ ALIKE = {chart_causes.COMPUTED: {chart_causes.LIGHT},
 
 @pytest.mark.parametrize("cause", FAULTS)
 def test_a_fault_that_leaves_a_mark_of_its_own_is_named_and_its_rivals_are_excluded(cause):
-    named = ranked(noisy(FAULTS[cause]())).named
+    named = chart_causes.likely_causes(ranked(noisy(FAULTS[cause]())))
     assert named[0] == cause
     assert set(named[1:]) <= ALIKE.get(cause, set())
 
@@ -85,13 +85,14 @@ def test_a_fault_that_leaves_a_mark_of_its_own_is_named_and_its_rivals_are_exclu
 def test_evidence_of_another_kind_on_the_light_counts():
     patches = chart_causes.PatchSignals(noisy(seen()), seen(), np.full((24, 3), 1e-4),
                                         CLASSIC.centres_uv, 0.05)
-    assert chart_causes.ranked(patches, {chart_causes.LIGHT: 20.0}).named == (chart_causes.LIGHT,)
-    assert chart_causes.CHANCE in chart_causes.ranked(patches).named
+    assert chart_causes.likely_causes(chart_causes.ranked(
+        patches, {chart_causes.LIGHT: 20.0})) == (chart_causes.LIGHT,)
+    assert chart_causes.CHANCE in chart_causes.likely_causes(chart_causes.ranked(patches))
 
 
 def test_a_level_alike_in_all_bands_of_a_balanced_photo_is_a_veil_or_a_black_level():
     balanced = seen() / WHITE
-    named = ranked(noisy(balanced + 0.05), balanced).named
+    named = chart_causes.likely_causes(ranked(noisy(balanced + 0.05), balanced))
     assert set(named) == {chart_causes.VEIL, chart_causes.BLACK}
 
 
@@ -107,7 +108,7 @@ TILTED = Finding("chart.tilted", Severity.WARN, values={"tilt_deg": 50.0, "limit
     ({"tone-curve": 30.0, "veil": 5.0, "chance": 0.0}, ["tone-curve"]),
     ({"chance": 0.0, "veil": -5.0}, ["veil", "chance"])])
 def test_a_finding_that_names_a_cause_stays_only_where_its_rivals_are_excluded(nats, causes):
-    found = chart_causes.settled([VEILED, TILTED], chart_causes.Ranking(nats), "chart.cause")
+    found = chart_causes.settled([VEILED, TILTED], nats, "chart.cause")
     assert TILTED in found
     if causes is None:
         assert found == [VEILED, TILTED]
@@ -119,7 +120,7 @@ def test_a_finding_that_names_a_cause_stays_only_where_its_rivals_are_excluded(n
 
 def test_a_cause_that_is_named_already_is_not_named_twice():
     glare = Finding("chart.glare", Severity.WARN, values={"glare": 0.05, "names": ["white 9.5"]})
-    ranking = chart_causes.Ranking({"veil": 30.0, "reflection": 3.0, "chance": 0.0})
+    ranking = {"veil": 30.0, "reflection": 3.0, "chance": 0.0}
     assert chart_causes.settled([VEILED, glare], ranking, "chart.cause") == [VEILED]
     alone, = chart_causes.settled([glare], ranking, "chart.cause")
     assert (alone.code, alone.values["causes"]) == ("chart.cause", ["veil"])

@@ -114,9 +114,9 @@ def test_a_material_is_what_its_surface_reflects_and_not_what_most_pixels_show(m
     scene = SimpleNamespace(view=SimpleNamespace(photo=chart, grid=GRID),
                             traced=SimpleNamespace(nodes=nodes))
     pixels = LitPhoto(chart, errors_of(White(np.ones((1, 3)), dark, dark)))
-    some = scene_light.PixelSample(np.repeat([2, 5], [8, 4]), np.zeros(levels.size, int),
-                                   np.arange(levels.size), np.repeat([1.0, 3.0, 2.0], [6, 2, 4]))
-    found = scene_light.mean_spectra(scene, pixels, some)
+    found = scene_light.mean_spectra(
+        scene, pixels, np.repeat([2, 5], [8, 4]), np.zeros(levels.size, int),
+        np.arange(levels.size), np.repeat([1.0, 3.0, 2.0], [6, 2, 4]))
     assert found.keys() == {2, 5}
     np.testing.assert_allclose(found[2], 0.5, rtol=1e-12)
     np.testing.assert_allclose(found[5], 0.6, rtol=1e-12)

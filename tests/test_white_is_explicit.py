@@ -58,8 +58,8 @@ def test_the_white_patch_of_a_real_photo_is_white_by_its_own_chart():
     photo = sb.open_photo(INDOOR)
     x, y = sb.find_chart(photo).corners[18].mean(axis=0) / 2    # a mosaic's cells are 2 x 2 pixels
     patch = (slice(int(y) - 2, int(y) + 2), slice(int(x) - 2, int(x) + 2))
-    chart = white_of_chart(photo.image, relative_response("Nikon 5100 (NPL)", "D65"))
-    mean, _ = sb.uplift(photo.signal[patch], white=chart.white, **NAMED)
+    white, _ = white_of_chart(photo.image, relative_response("Nikon 5100 (NPL)", "D65"))
+    mean, _ = sb.uplift(photo.signal[patch], white=white, **NAMED)
     lab = reflectance_to_lab(PRIOR_GRID.nm, mean.mean(axis=(0, 1)))
     usual = reference_reflectances(None, CLASSIC, FINE_GRID)[18]
     # copies of the patch differ by 2, and the camera is another; at full scale it was 76 -43 72

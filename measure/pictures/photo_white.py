@@ -9,8 +9,6 @@ light from reflectance. They are compared under the light that the picture's own
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from spectrabox.calibrate.chart_equations import field_terms
@@ -92,27 +90,10 @@ def compare_reference_surfaces(scene: TracedPhoto, light: np.ndarray,
 DARK_SHARE = 0.02       # of the brightest patch in a band, below which noise is most of a signal
 
 
-@dataclass(frozen=True, eq=False)
-class PhotoWhite:
-    """What a chart in a photo says of its white, its camera and its light."""
-
-    white: np.ndarray           # (K,) what a perfect white in the chart's place reads
-    # rms over patches and bands of (photo - predicted) / photo, by camera and light as stated
-    residual: float
-
-    @property
-    def finding(self) -> Finding:
-        """Whether camera and light explain the chart."""
-        passes, fails = chart_limits(stated=False)
-        severity = graded(self.residual, passes, fails)
-        return Finding("white.camera-explains-chart" if severity is Severity.INFO
-                       else "white.camera-unlike-chart", severity,
-                       values={"value": self.residual, "passes": passes, "fails": fails})
-
-
-def white_of_chart(photo: LinearImage, relative_response: np.ndarray) -> PhotoWhite:
-    """What a perfect white in the chart's place reads, and how well camera and light explain the
-    chart.
+def white_of_chart(photo: LinearImage,
+                   relative_response: np.ndarray) -> tuple[np.ndarray, Finding]:
+    """What a perfect white in the chart's place reads (K,), and whether camera and light as stated
+    explain the chart.
 
     White is from the lightest patch of no colour that is not clipped, and its usual reflectance.
     How the light changes from there over the photo is not seen.
@@ -132,8 +113,13 @@ def white_of_chart(photo: LinearImage, relative_response: np.ndarray) -> PhotoWh
     samples = measure_chart(photo, CLASSIC, reflectances, FINE_GRID)
     lightest = next(patch for patch in CLASSIC.neutrals if not samples.clipped[patch].any())
     predicted = reflectances @ relative_response.T
-    return PhotoWhite(np.asarray(samples.mean[lightest] / predicted[lightest]),
-                      chart_residual(samples.mean, predicted, ~samples.clipped))
+    residual = chart_residual(samples.mean, predicted, ~samples.clipped)
+    passes, fails = chart_limits(stated=False)
+    severity = graded(residual, passes, fails)
+    finding = Finding("white.camera-explains-chart" if severity is Severity.INFO
+                      else "white.camera-unlike-chart", severity,
+                      values={"value": residual, "passes": passes, "fails": fails})
+    return np.asarray(samples.mean[lightest] / predicted[lightest]), finding
 
 
 def chart_residual(signal: np.ndarray, predicted: np.ndarray, used: np.ndarray) -> float:
@@ -157,7 +143,7 @@ def chart_residual(signal: np.ndarray, predicted: np.ndarray, used: np.ndarray) 
 
 
 def photo_white(photo: LinearImage, relative_response: np.ndarray,
-                remedy: str) -> PhotoWhite | None:
+                remedy: str) -> tuple[np.ndarray, Finding] | None:
     """The same, or None of a photo without a chart whose values may be shares of white already.
 
     Parameters
@@ -177,7 +163,7 @@ def photo_white(photo: LinearImage, relative_response: np.ndarray,
     """
     require_camera_signal(photo.kind, photo.source)
     try:
-        found = white_of_chart(photo, relative_response)
+        white, finding = white_of_chart(photo, relative_response)
     except (errors.ChartNotFoundError, errors.CheckError) as error:
         if photo.kind is not PhotoKind.RAW:
             return None
@@ -185,9 +171,9 @@ def photo_white(photo: LinearImage, relative_response: np.ndarray,
             f"{photo.source} is a raw photo: its values are shares of what the sensor "
             "can hold and not of white, and no chart in it tells what white reads "
             f"({str(error).partition(';')[0]}). {remedy}") from None
-    if found.finding.severity is Severity.FAIL:
-        raise errors.CheckError(f"{photo.source}: {texts.says(found.finding)}")
-    return found
+    if finding.severity is Severity.FAIL:
+        raise errors.CheckError(f"{photo.source}: {texts.says(finding)}")
+    return white, finding
 
 
 def require_camera_signal(kind: PhotoKind, source: str) -> None:

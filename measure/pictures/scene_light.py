@@ -75,7 +75,7 @@ def converge_light(scene: traced_photo.TracedPhoto,
     sample = _sample_pixels(scene, photo, unknown, np.random.default_rng(scene.seed))
     changes: list[float] = []
     while len(changes) < MAX_ROUNDS and (not changes or changes[-1] > TOLERANCE):
-        for index, mean in mean_spectra(scene, photo, sample).items():
+        for index, mean in mean_spectra(scene, photo, *sample).items():
             spectra[index] += STEP * (mean - spectra[index])
         before, light = light, traced.on_nodes(spectra, scene.lamps)
         after, earlier = light[~traced.lamp], before[~traced.lamp]
@@ -86,19 +86,12 @@ def converge_light(scene: traced_photo.TracedPhoto,
     return SceneLight(photo, scale, spectra, tuple(changes))
 
 
-@dataclass(frozen=True)
-class PixelSample:
-    """Some pixels (n,) of each material, in the whole photo, and the area that each stands for."""
-
-    material: np.ndarray
-    row: np.ndarray
-    column: np.ndarray
-    area: np.ndarray
-
-
 def _sample_pixels(scene: traced_photo.TracedPhoto, photo: lit_photo.LitPhoto,
-                   materials: Sequence[int], rng: np.random.Generator) -> PixelSample:
-    """Pixels spread evenly over the visible area of each material."""
+                   materials: Sequence[int], rng: np.random.Generator
+                   ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Pixels (n,) spread evenly over the visible area of each material: material, row and column in
+    the whole photo, and the area that each stands for.
+    """
     view, crop = scene.view, scene.crop
     assert photo.flags is not None
     inside = scene.traced.nodes.surface[crop.rows, crop.columns]
@@ -116,11 +109,12 @@ def _sample_pixels(scene: traced_photo.TracedPhoto, photo: lit_photo.LitPhoto,
     row, column = np.divmod(np.concatenate([np.empty(0, int), *places]), inside.shape[1])
     row, column = row + crop.rows.start, column + crop.columns.start
     area = hits_of(scene.unit.scene, view.size, row, column).area
-    return PixelSample(np.repeat(materials, [place.size for place in places]), row, column, area)
+    return np.repeat(materials, [place.size for place in places]), row, column, area
 
 
 def mean_spectra(scene: traced_photo.TracedPhoto, photo: lit_photo.LitPhoto,
-                 sample: PixelSample) -> dict[int, np.ndarray]:
+                 material: np.ndarray, row: np.ndarray, column: np.ndarray, area: np.ndarray
+                 ) -> dict[int, np.ndarray]:
     """Mean (P,) of the spectra of each material's pixels, weighted by the light that they send on.
 
     Parameters
@@ -128,25 +122,26 @@ def mean_spectra(scene: traced_photo.TracedPhoto, photo: lit_photo.LitPhoto,
     scene : TracedPhoto
     photo : LitPhoto
         The light on it.
-    sample : PixelSample
+    material, row, column, area : (n,) arrays
+        Of the pixels, in the whole photo; the area that each stands for.
     """
-    if not sample.row.size:
+    if not row.size:
         return {}
     whole = scene.view.photo
-    weights = scene.traced.nodes.weights(sample.row, sample.column)
-    alone = replace(whole, **{name: getattr(whole, name)[sample.row, sample.column][None]
+    weights = scene.traced.nodes.weights(row, column)
+    alone = replace(whole, **{name: getattr(whole, name)[row, column][None]
                               for name in ("signal", "variance", "saturated")})
     few = lit_photo.LitPhoto(alone, replace(photo.errors, between=lambda first, last: weights))
     block = few.block(0, 1, direct=True)
     mean = few.direct(block, coarse=True).mean
     light = (weights @ photo.errors.white.signal).mean(axis=1)
-    weight = sample.area * light * block.seen
+    weight = area * light * block.seen
     means = {}
-    for material in np.unique(sample.material):
-        own = sample.material == material
+    for number in np.unique(material):
+        own = material == number
         if weight[own].any():
-            means[int(material)] = np.interp(scene.view.grid.nm, PRIOR_GRID.nm,
-                                             weight[own] @ mean[own] / weight[own].sum())
+            means[int(number)] = np.interp(scene.view.grid.nm, PRIOR_GRID.nm,
+                                           weight[own] @ mean[own] / weight[own].sum())
     return means
 
 

@@ -25,15 +25,6 @@ Between = Callable[[int, int], csr_array]   # weights (n, N) of the nodes at pix
 
 
 @dataclass(frozen=True, eq=False)
-class PicturePhoto:
-    """One photo of a picture."""
-
-    photo: FlatPhoto        # which shows a region
-    image: LinearImage      # the part that the picture shows, in the pixels of the first photo
-    nodes_px: np.ndarray    # (N, 2) nodes over that part, in the photo's own pixels
-
-
-@dataclass(frozen=True, eq=False)
 class _PhotoAtNodes:
     """A photo, or several of one response as one, with white and its errors at N nodes."""
 
@@ -46,15 +37,20 @@ class _PhotoAtNodes:
     causes: Mapping[str, np.ndarray]    # (N, K, K) relative covariance of white by cause
 
 
-def stack_photos(photos: Sequence[PicturePhoto], between: Between,
+def stack_photos(photos: Sequence[FlatPhoto], images: Sequence[LinearImage],
+                 nodes_px: Sequence[np.ndarray], between: Between,
                  known: Mapping[str, np.ndarray], errors: FlatErrors, surface: str | None,
                  prior: LogitMixture) -> lit_photo.LitPhoto:
     """All bands of some photos with the light on every pixel, as a source of pixels' signals.
 
     Parameters
     ----------
-    photos : sequence of PicturePhoto
-        Of one size; the first is the one whose pixels the picture has.
+    photos : sequence of FlatPhoto
+        Each of which shows a region.
+    images : sequence of LinearImage
+        Of each the part that the picture shows, in the pixels of the first.
+    nodes_px : sequence of (N, 2) arrays
+        Nodes over that part, in the pixels of each photo itself.
     between : function of (first row, last row)
         Weights (n, N) of the nodes at the pixels of some rows.
     known : mapping
@@ -70,14 +66,14 @@ def stack_photos(photos: Sequence[PicturePhoto], between: Between,
     InputError, CheckError
         As ``white.white_at_regions``.
     """
-    flat = [each.photo for each in photos]
-    of_photo = flat_signals.first_of_response([photo.response for photo in flat])
+    of_photo = flat_signals.first_of_response([photo.response for photo in photos])
     distinct = sorted(set(of_photo))
-    parts = [_averaged([_at_nodes(each, known, errors) for each, first
-                        in zip(photos, of_photo, strict=True) if first == number], between)
+    parts = [_averaged([_at_nodes(photo, image, at_px, known, errors) for photo, image, at_px, first
+                        in zip(photos, images, nodes_px, of_photo, strict=True)
+                        if first == number], between)
              for number in distinct]
     nodes, bands = parts[0].white.shape
-    lamps = np.repeat([flat_signals.lamp_of(flat, number) for number in distinct],
+    lamps = np.repeat([flat_signals.lamp_of(photos, number) for number in distinct],
                       bands).astype(object)
     white = np.ones(len(lamps))
 
@@ -91,7 +87,7 @@ def stack_photos(photos: Sequence[PicturePhoto], between: Between,
     disagreement = block_diagonal(*[errors.disagreement.among_bands(bands)] * len(parts))
     relative = disagreement + flat_signals.common_to_photos(
         error_model.DISAGREEMENT, disagreement, white, lamps, errors.disagreement)
-    response = np.vstack([flat[number].response for number in distinct])
+    response = np.vstack([photos[number].response for number in distinct])
     glare, photo_of_band = np.concatenate([part.glare for part in parts]), np.repeat(distinct,
                                                                                      bands)
     image = _stacked([part.image for part in parts])
@@ -105,30 +101,30 @@ def stack_photos(photos: Sequence[PicturePhoto], between: Between,
                 response @ grid.interpolation_matrix(PRIOR_GRID.nm, grid.FINE_GRID.nm),
                 nodes), glare, block_diagonal(*(part.glare_covariance for part in parts)),
             gloss.gloss_states(surface, lamps.tolist()), relative,
-            [[photo.calibration for photo in flat]], photo_of_band, response[None], prior),
+            [[photo.calibration for photo in photos]], photo_of_band, response[None], prior),
         shown=shown_bands(
             image, glare, photo_of_band,
             np.concatenate([
-                flat_signals.dark_bands(part.white[0]) | flat[number].lost_bands
+                flat_signals.dark_bands(part.white[0]) | photos[number].lost_bands
                 for number, part in zip(distinct, parts, strict=True)
             ])))
 
 
-def _at_nodes(each: PicturePhoto, known: Mapping[str, np.ndarray],
-              errors: FlatErrors) -> _PhotoAtNodes:
+def _at_nodes(photo: FlatPhoto, image: LinearImage, nodes_px: np.ndarray,
+              known: Mapping[str, np.ndarray], errors: FlatErrors) -> _PhotoAtNodes:
     """White of one photo and its errors at the nodes."""
-    white = white_at_regions(each.photo, known, errors, each.nodes_px)
+    white = white_at_regions(photo, known, errors, nodes_px)
     assert white is not None, "the photo shows a region"
-    bands, first = white.glare.size, len(white.samples.names) - len(each.nodes_px)
+    bands, first = white.glare.size, len(white.samples.names) - len(nodes_px)
     nodes = range(first, len(white.samples.names))          # they stand after the regions
     covariance = np.array([white.white_and_glare(node) for node in nodes])
     by_cause = [white.errors(node, np.ones(bands)) for node in nodes]
     typical = nodes[np.argsort(white.white[first:, 0])[len(nodes) // 2]]
     return _PhotoAtNodes(
-        each.image, white.white[first:], covariance[:, :bands, :bands], covariance[:, :bands,
+        image, white.white[first:], covariance[:, :bands, :bands], covariance[:, :bands,
                                                                                    bands:],
         white.glare + white.mean[white.glare_part], covariance[0, bands:, bands:]
-        + flat_signals.stray_light(each.photo, white, typical, errors),
+        + flat_signals.stray_light(photo, white, typical, errors),
         {cause: np.array([causes[cause] for causes in by_cause])
          for cause in by_cause[0]})
 

@@ -48,15 +48,20 @@ MAX_IDT_DRAWS = 25          # an ACES matrix takes a search for each
 
 
 @dataclass(frozen=True)
-class CameraMatrices:
-    """Matrices of a camera for other programs, each with those of T draws of its curves."""
+class CameraProfile:
+    """Matrices of a camera for other programs, each with those of T draws of its curves, and its
+    colour profile under the light of its photos.
+    """
 
+    camera: str             # as its raw files name it
     fitted: dict[str, colour_profile.IlluminantMatrices]                       # by illuminant
     drawn: dict[str, tuple[colour_profile.IlluminantMatrices, ...]]
     aces: tuple[np.ndarray, np.ndarray]                         # matrix (3, 3), white balance (3,)
     aces_drawn: tuple[tuple[np.ndarray, np.ndarray], ...]
     idt_light: str
     draws: int
+    colours: ColourProfile
+    light: str              # of the colour profile
 
     def of_illuminant(self, name: str) -> tuple[Spread, Spread, dict[str, Spread]]:
         """What a DNG profile states of an illuminant: the colour matrix, the forward matrix, and
@@ -75,6 +80,34 @@ class CameraMatrices:
                            for index in (0, 1))
         return matrix, balance
 
+    def facts(self) -> dict[str, object]:
+        """As ``spectrabox camera profile --json`` names them."""
+        matrix, balance = self.aces_spreads()
+        return {
+            "camera": self.camera, "draws": self.draws, "illuminants":
+            {name: dict(zip(("color_matrix", "forward_matrix", "delta_e00"),
+                            self.of_illuminant(name), strict=True))
+             for name in colour_profile.ILLUMINANTS}, "aces_idt": {
+                 "light": self.idt_light, "draws": len(self.aces_drawn), "matrix":
+                 matrix, "white_balance": balance
+             }, "colour": {"light": self.light, "delta_e00": self.colours.facts()}
+        }
+
+    def text(self) -> str:
+        """Matrices and colour errors, for a person."""
+        known = (f", spread over {self.draws} draws of the curves" if self.draws
+                 else "; without --draws-file their spread is not known")
+        lines = [f"{self.camera}: matrices for {' and '.join(colour_profile.ILLUMINANTS)}{known}"]
+        for name in colour_profile.ILLUMINANTS:
+            colour, forward, differences = self.of_illuminant(name)
+            lines += [f"ColorMatrix, {name}", *matrix_rows(colour),
+                      f"ForwardMatrix, {name}", *matrix_rows(forward)]
+            lines += [f"CIEDE2000 of the forward matrix under {name}, mean of {of}: {error.words}"
+                      for of, error in differences.items()]
+        lines += [f"CIEDE2000 under {self.light} to D50", *self.colours.error_lines()]
+        return "\n".join([*lines, f"ACES IDT, {self.idt_light}",
+                          *matrix_rows(self.aces_spreads()[0])])
+
 
 def spread_over(value: np.ndarray | float, drawn: Sequence[np.ndarray | float]) -> Spread:
     """A value with its standard deviation over draws, where there are any."""
@@ -82,17 +115,23 @@ def spread_over(value: np.ndarray | float, drawn: Sequence[np.ndarray | float]) 
     return Spread(value, deviation)
 
 
-def camera_matrices(curves: np.ndarray, grid: WavelengthGrid, idt_light: str,
-                    draws: np.ndarray | None = None) -> CameraMatrices:
-    """Colour matrices (DNG, ACES) of a camera.
+def camera_profile(camera: str, curves: np.ndarray, grid: WavelengthGrid, idt_light: str,
+                   colours: ColourProfile, light: str,
+                   draws: np.ndarray | None = None) -> CameraProfile:
+    """Colour matrices (DNG, ACES) of a camera, beside its colour profile.
 
     Parameters
     ----------
+    camera : str
+        As its raw files name it.
     curves : (3, P) array
         Sensitivities R, G, B on ``grid``, of any scale.
     grid : WavelengthGrid
     idt_light : str
         CIE name or file, of the ACES matrix.
+    colours : ColourProfile
+    light : str
+        Of the colour profile.
     draws : (T, 3, P) array or None
         Of the curves, for the spread of every number.
     """
@@ -103,52 +142,14 @@ def camera_matrices(curves: np.ndarray, grid: WavelengthGrid, idt_light: str,
                                     (sets[FITTED_SET], sets[FRESH_SET]))
         for name in colour_profile.ILLUMINANTS
     }
-    return CameraMatrices(
-        {name: colour_profile.matrices(curves, aim)
-         for name, aim in targets.items()}, {
-             name: tuple(colour_profile.matrices(draw, aim) for draw in each)
-             for name, aim in targets.items()
-         }, colour_science.aces_idt(grid.nm, curves, idt_light),
+    return CameraProfile(
+        camera,
+        {name: colour_profile.matrices(curves, aim) for name, aim in targets.items()},
+        {name: tuple(colour_profile.matrices(draw, aim) for draw in each)
+         for name, aim in targets.items()},
+        colour_science.aces_idt(grid.nm, curves, idt_light),
         tuple(colour_science.aces_idt(grid.nm, draw, idt_light) for draw in each[:MAX_IDT_DRAWS]),
-        idt_light, len(each))
-
-
-@dataclass(frozen=True)
-class CameraProfile:
-    """Matrices of a camera, and its colour profile under the light of its photos."""
-
-    camera: str             # as its raw files name it
-    matrices: CameraMatrices
-    colours: ColourProfile
-    light: str              # of the colour profile
-
-    def facts(self) -> dict[str, object]:
-        """As ``spectrabox camera profile --json`` names them."""
-        matrix, balance = self.matrices.aces_spreads()
-        return {
-            "camera": self.camera, "draws": self.matrices.draws, "illuminants":
-            {name: dict(zip(("color_matrix", "forward_matrix", "delta_e00"),
-                            self.matrices.of_illuminant(name), strict=True))
-             for name in colour_profile.ILLUMINANTS}, "aces_idt": {
-                 "light": self.matrices.idt_light, "draws": len(self.matrices.aces_drawn), "matrix":
-                 matrix, "white_balance": balance
-             }, "colour": {"light": self.light, "delta_e00": self.colours.facts()}
-        }
-
-    def text(self) -> str:
-        """Matrices and colour errors, for a person."""
-        known = (f", spread over {self.matrices.draws} draws of the curves" if self.matrices.draws
-                 else "; without --draws-file their spread is not known")
-        lines = [f"{self.camera}: matrices for {' and '.join(colour_profile.ILLUMINANTS)}{known}"]
-        for name in colour_profile.ILLUMINANTS:
-            colour, forward, differences = self.matrices.of_illuminant(name)
-            lines += [f"ColorMatrix, {name}", *matrix_rows(colour),
-                      f"ForwardMatrix, {name}", *matrix_rows(forward)]
-            lines += [f"CIEDE2000 of the forward matrix under {name}, mean of {of}: {error.words}"
-                      for of, error in differences.items()]
-        lines += [f"CIEDE2000 under {self.light} to D50", *self.colours.error_lines()]
-        return "\n".join([*lines, f"ACES IDT, {self.matrices.idt_light}",
-                          *matrix_rows(self.matrices.aces_spreads()[0])])
+        idt_light, len(each), colours, light)
 
 
 def matrix_rows(matrix: Spread) -> list[str]:

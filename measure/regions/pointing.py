@@ -25,19 +25,8 @@ from spectrabox.radiometry.records.spectra import SurfaceSpectrum
 from spectrabox.sampling.prior.signal_posterior import SignalPosterior
 
 
-@dataclass(frozen=True, eq=False)
-class CalibratedPhotos:
-    """Photos and calibration of flat samples, without their regions."""
-
-    photos: list[white.FlatPhoto]
-    images: Mapping[str, LinearImage]       # whole, by view
-    records: CaptureRecords
-    bands: tuple[str, ...]
-    registrations: Mapping[str, Registration | None]    # of further photos to the first
-
-
-def calibrated_photos(capture: captured.FlatCapture, records: CaptureRecords,
-                      images: Mapping[str, LinearImage]) -> CalibratedPhotos:
+def pointed_sample(capture: captured.FlatCapture, records: CaptureRecords,
+                   images: Mapping[str, LinearImage]) -> PointedSample:
     """Photos that are open and records of their calibration, put together.
 
     Parameters
@@ -59,28 +48,27 @@ def calibrated_photos(capture: captured.FlatCapture, records: CaptureRecords,
     registrations = {view.name: registration_of(records.chart.charts, first, view, edges[""],
                                                 edges[view.name]) for view in others
                      if view.photo != first.photo}
-    return CalibratedPhotos(flat_photos(capture, records), dict(images), records,
-                            capture.band_names(records.photo.bands), registrations)
+    return PointedSample(capture, flat_photos(capture, records), dict(images), records,
+                         capture.band_names(records.photo.bands), registrations)
 
 
 @dataclass(frozen=True, eq=False)
 class PointedSample:
-    """Calibrated photos with what is stated of their regions now.
-
-    Parameters
-    ----------
-    capture : FlatCapture
-    calibrated : CalibratedPhotos
-        Of a capture with the same photos, chart and lights; its regions may have been others.
+    """Calibrated photos with what is stated of their regions now, which may have been others when
+    the calibration was made.
     """
 
     capture: captured.FlatCapture
-    calibrated: CalibratedPhotos
+    photos: list[white.FlatPhoto]
+    images: Mapping[str, LinearImage]       # whole, by view
+    records: CaptureRecords                 # of charts and calibration, the same while these are
+    bands: tuple[str, ...]
+    registrations: Mapping[str, Registration | None]    # of further photos to the first
 
     @cached_property
     def errors(self) -> white.FlatErrors:
         """What is stated of errors."""
-        return flat_errors(self.capture, self.calibrated.records)
+        return flat_errors(self.capture, self.records)
 
     @cached_property
     def _known_samples(self) -> dict[str, RegionSamples | None]:
@@ -104,7 +92,7 @@ class PointedSample:
                  if name not in unread}
         _, left_out = white.agreeing_known(
             [replace(photo, samples=self._sampled(self.capture, view, known)) for view, photo
-             in zip(self.capture.views, self.calibrated.photos, strict=True)], known, self.errors)
+             in zip(self.capture.views, self.photos, strict=True)], known, self.errors)
         return unread | {finding.subject: texts.says(finding) for finding in left_out}
 
     @property
@@ -117,7 +105,7 @@ class PointedSample:
     def looks(self) -> dict[str, shown_photo.PhotoLook]:
         """Of each view whose photo has colours of its own: how it is shown in them."""
         looks = {}
-        for view, photo in zip(self.capture.views, self.calibrated.photos, strict=True):
+        for view, photo in zip(self.capture.views, self.photos, strict=True):
             look = shown_photo.calibrated_look(
                 replace(photo, samples=self._known_samples[view.name]), self._known,
                 self.errors)
@@ -129,8 +117,8 @@ class PointedSample:
                  names: Iterable[str]) -> RegionSamples | None:
         wanted = {*names}
         outlines = {name: outline for name, outline in outlines_in(
-            capture, view, self.calibrated.registrations.get(view.name)).items() if name in wanted}
-        return regions.sample_regions(self.calibrated.images[view.name], outlines,
+            capture, view, self.registrations.get(view.name)).items() if name in wanted}
+        return regions.sample_regions(self.images[view.name], outlines,
                               without_clipped=len(capture.views) > 1) if outlines else None
 
     def signal(self, name: str, region: captured.Region) -> flat_signals.RegionSignal:
@@ -145,8 +133,8 @@ class PointedSample:
         samples = [joined_samples(self._sampled(alone, view, (name,)),
                                   self._known_samples[view.name]) for view in alone.views]
         errors = replace(self.errors, surfaces={name: region.surface} if region.surface else {})
-        return flat_signals.signal_of_region(self.calibrated.photos, samples, region.families,
-                                self._known, self.calibrated.bands, errors)
+        return flat_signals.signal_of_region(self.photos, samples, region.families,
+                                self._known, self.bands, errors)
 
     def drawn(self, name: str) -> tuple[flat_signals.RegionSignal, SurfaceSpectrum]:
         """Signal and spectrum of a region of the capture, as a report has them.

@@ -111,22 +111,6 @@ MIN_TIMES = 20
 Scores = tuple[float, float, float, np.ndarray]
 
 
-@dataclass(frozen=True, eq=False)
-class MaterialRehearsal:
-    """How one material's bands held known truths, over T rehearsals."""
-
-    name: str
-    coverage: np.ndarray        # (T,) share of wavelengths inside the band
-    rmse: np.ndarray            # (T,) of the mean
-    width: np.ndarray           # (T,) mean over wavelengths
-    ranks: np.ndarray           # (bins,) truths by their rank among the draws, every 30 nm
-
-    @property
-    def coverage_error(self) -> float:
-        """Standard error of the mean coverage; wavelengths of one truth are no separate trials."""
-        return float(self.coverage.std(ddof=1) / np.sqrt(self.coverage.size))
-
-
 def prepare_replays(views: Sequence[PhotoView], settings: InversionSettings,
                     calibrations: Sequence[Calibration], joint: JointReconstruction,
                     families: Mapping[str, Sequence[str]], errors: StatedErrors, *, times: int,
@@ -171,8 +155,7 @@ def prepare_replays(views: Sequence[PhotoView], settings: InversionSettings,
                    truths, _cameras(calibrations[0], times, seed))
 
 
-def rehearse(replays: Replays, level: float, seed: int, progress: Progress
-             ) -> list[MaterialRehearsal]:
+def rehearse(replays: Replays, level: float, seed: int, progress: Progress) -> Rehearsed:
     """Replay a scene with known truths, and count what the bands hold of them.
 
     Parameters
@@ -187,7 +170,7 @@ def rehearse(replays: Replays, level: float, seed: int, progress: Progress
 
     Returns
     -------
-    list of MaterialRehearsal
+    Rehearsed
         Of every unknown material.
     """
     times = len(replays.cameras)
@@ -196,10 +179,16 @@ def rehearse(replays: Replays, level: float, seed: int, progress: Progress
         progress(number / times, f"rehearsal {number + 1} of {times}")
         rng = np.random.default_rng(one)
         rows.append(replays.scores(replays.again(number, rng), number, rng, level))
-    return [MaterialRehearsal(name, coverage, rmse, width, ranks.sum(axis=0))
-            for index, name in enumerate(replays.priors)
-            for coverage, rmse, width, ranks in [map(np.array, zip(*(row[index] for row in rows),
-                                                                   strict=True))]]
+    materials = []
+    for index, name in enumerate(replays.priors):
+        coverage, rmse, width, ranks = map(np.array, zip(*(row[index] for row in rows),
+                                                         strict=True))
+        # wavelengths of one truth are no separate trials
+        error = coverage.std(ddof=1) / np.sqrt(times)
+        materials.append(RehearsedMaterial(
+            name, float(coverage.mean()), float(error), float(rmse.mean()), float(width.mean()),
+            tuple(ranks.sum(axis=0).tolist())))
+    return Rehearsed(level, seed, times, tuple(materials))
 
 
 @dataclass(frozen=True, eq=False)

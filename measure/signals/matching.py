@@ -1,6 +1,7 @@
 """Which measured spectra of a library could give a signal, and what that says of the surface."""
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -65,29 +66,14 @@ class SurfaceMatch:
         return f"<SurfaceMatch {self.surface!r}: {self.says}>"
 
 
-@dataclass(frozen=True)
-class LibraryMatches:
-    """Matches of several surfaces with the spectra of one library."""
-
-    surfaces: list[SurfaceMatch]
-    library: SpectralLibrary
-    variation: float
-
-    def facts(self) -> dict[str, object]:
-        """As ``spectrabox match --json`` names them."""
-        return {"matches": [{"surface": one.surface, **asdict(match)}
-                            for one in self.surfaces for match in one.matches],
-                "indistinguishable": sum(one.indistinguishable for one in self.surfaces),
-                "surfaces": [one.facts() for one in self.surfaces], "variation": self.variation,
-                "spectra": len(self.library.names), "left_out": self.library.left_out}
-
-    def left_out(self, most: int) -> list[str]:
-        """Sentences on the first spectra that could not be used, and how many more there are."""
-        sentences = [f"left out: {sentence}" for sentence in self.library.left_out[:most]]
-        if len(self.library.left_out) > most:
-            sentences.append(f"left out: {len(self.library.left_out) - most} more (--json lists "
-                             "all)")
-        return sentences
+def facts_of_matches(surfaces: Sequence[SurfaceMatch], library: SpectralLibrary,
+                     variation: float) -> dict[str, object]:
+    """Matches of several surfaces with one library, as ``spectrabox match --json`` names them."""
+    return {"matches": [{"surface": one.surface, **asdict(match)}
+                        for one in surfaces for match in one.matches],
+            "indistinguishable": sum(one.indistinguishable for one in surfaces),
+            "surfaces": [one.facts() for one in surfaces], "variation": variation,
+            "spectra": len(library.names), "left_out": library.left_out}
 
 
 def match_signal(surface: str, measurement: SpectralMeasurement, library: SpectralLibrary,

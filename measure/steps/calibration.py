@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -39,18 +38,6 @@ from spectrabox.radiometry.records.calibration import (
 from spectrabox.radiometry.records.spectra import Spectrum, UnknownLight
 
 
-@dataclass(frozen=True)
-class _Fits:
-    """What the charts under all lights say together."""
-
-    calibrations: dict[str, Calibration]        # by view
-    whites: dict[str, ChartWhite]               # by view, of fits with the prior
-    # of the first chart photo; None: no photo has one
-    first: chart_calibration.ChartCalibration | None
-    held_out: dict[str, HeldOutPatches]         # by the first view of each fit
-    findings: tuple[Finding, ...]
-
-
 def calibrate_flat(capture: captured.FlatCapture, records: CaptureRecords,
                    work: Work) -> CalibrationRecords:
     """Patch statistics and lights to one camera, and to the light of every view; the light over
@@ -75,12 +62,8 @@ def calibrate_flat(capture: captured.FlatCapture, records: CaptureRecords,
     work.progress(0.6, "fitting sensitivities")
     photos = _chart_photos(capture, records, None)
     groups, of_lights = _groups_by_light(capture, charts)
-    fits = _fitted(capture, groups, photos, _options_of_flat(capture))
-    fit = fits.first
-    assert fit is not None and fit.prior_fit is not None    # flat samples need chart and prior
-    field = np.full(len(fit.predicted), np.nan)             # not known of excluded patches
-    field[photos[""].used] = fit.prior_fit.photos[0].field
-    return _records(dataclasses.replace(fits, findings=(*of_lights, *fits.findings)), charts, field)
+    fitted = _fitted(capture, groups, charts, photos, _options_of_flat(capture))
+    return dataclasses.replace(fitted, findings=(*of_lights, *fitted.findings))
 
 
 def calibrate_scene(capture: captured.SceneCapture, records: CaptureRecords,
@@ -106,15 +89,14 @@ def calibrate_scene(capture: captured.SceneCapture, records: CaptureRecords,
     work.progress(0.6, "fitting sensitivities")
     photos = _chart_photos(capture, records, irradiance)
     chosen = capture.sensitivity
-    fits = _fitted(capture, _fits_of_scene(capture), photos, chart_calibration.CalibrationOptions(
-        chosen.method, chosen.prior, curves=chosen.curves))
-    on_chart = photos[""].irradiance_or_pi if "" in photos else np.zeros(0)
+    fitted = _fitted(capture, _fits_of_scene(capture), charts, photos,
+                     chart_calibration.CalibrationOptions(chosen.method, chosen.prior,
+                                                          curves=chosen.curves))
     if irradiance is None:
-        return _records(fits, charts, on_chart)
-    fits = dataclasses.replace(fits, calibrations=_with_lamp_error(capture, fits.calibrations))
-    calibrated = _records(fits, charts, on_chart)
-    return dataclasses.replace(calibrated, findings=(*_uneven_light(capture, charts, irradiance),
-                                                     *calibrated.findings))
+        return fitted
+    return dataclasses.replace(
+        fitted, calibrations=_with_lamp_error(capture, fitted.calibrations),
+        findings=(*_uneven_light(capture, charts, irradiance), *fitted.findings))
 
 
 def _chart_photos(capture: captured.Capture, records: CaptureRecords,
@@ -132,8 +114,8 @@ def _chart_photos(capture: captured.Capture, records: CaptureRecords,
 
 
 def _fitted(capture: captured.Capture, groups: list[list[captured.View]],
-            photos: Mapping[str,
-                            ChartPhoto], options: chart_calibration.CalibrationOptions) -> _Fits:
+            charts: Mapping[str, MeasuredChart], photos: Mapping[str, ChartPhoto],
+            options: chart_calibration.CalibrationOptions) -> CalibrationRecords:
     """One camera, and the light of every view, of each group of views.
 
     With the method ``prior`` the charts of a group are one fit; other methods fit the camera to the
@@ -144,8 +126,8 @@ def _fitted(capture: captured.Capture, groups: list[list[captured.View]],
     capture : Capture
     groups : list of lists of View
         A fit each.
-    photos : mapping
-        Of charts, by view.
+    charts, photos : mappings
+        Of charts, by view, as they were measured and as fits take them.
     options : CalibrationOptions
         Of every fit.
     """
@@ -154,7 +136,7 @@ def _fitted(capture: captured.Capture, groups: list[list[captured.View]],
     whites: dict[str, ChartWhite] = {}
     held_out: dict[str, HeldOutPatches] = {}
     findings: list[Finding] = []
-    of_first = None
+    chart: ChartFit | None = None
     for first, *others in groups:
         fitted = [view.name for view in (first, *others) if view.chart and (several
                                                                             or view == first)]
@@ -166,7 +148,7 @@ def _fitted(capture: captured.Capture, groups: list[list[captured.View]],
             findings += [dataclasses.replace(one, subject=first.name) for one
                          in fit.of_chart(held_out[first.name], capture.layout.names)]
             if not first.name:
-                of_first = fit
+                chart = _chart_fit(capture, charts[""], photos[""], fit, held_out[""])
         else:
             camera = _camera_of_curves(capture, first)
         if prior_fit is not None:
@@ -183,7 +165,9 @@ def _fitted(capture: captured.Capture, groups: list[list[captured.View]],
                 own = chart_calibration.through_filter(own, prior_fit, fitted.index(view.name),
                                                        FINE_GRID)
             calibrations[view.name] = own
-    return _Fits(calibrations, whites, of_first, held_out, tuple(findings))
+    return CalibrationRecords(
+        calibrations, whites, chart, {name: patches for name, patches in held_out.items() if name},
+        tuple(findings))
 
 
 def _camera_of_curves(capture: captured.Capture, view: captured.View) -> Calibration:
@@ -202,27 +186,17 @@ def _of_view(camera: Calibration, view: captured.View, scale: LightScale | None)
         light, UnknownLight) else light)
 
 
-def _records(fits: _Fits, charts: Mapping[str, MeasuredChart],
-             irradiance: np.ndarray) -> CalibrationRecords:
-    """What is kept of the fits.
-
-    Parameters
-    ----------
-    fits : _Fits
-    charts : mapping
-        By view.
-    irradiance : (I,) array
-        On the patches of the first chart, relative; pi where it is not known.
-    """
-    chart = None
-    fit = fits.first
-    if fit is not None:
-        patch_error = None if fit.prior_fit is None else np.array(fit.prior_fit.patch_error)
-        chart = ChartFit(fit.predicted, irradiance,
-                         certain_glare(fit.prior_fit, charts[""].thumbnail), patch_error,
-                         fit.prior_influence, fits.held_out[""], fit.copy)
-    others = {name: patches for name, patches in fits.held_out.items() if name}
-    return CalibrationRecords(fits.calibrations, fits.whites, chart, others, fits.findings)
+def _chart_fit(capture: captured.Capture, chart: MeasuredChart, photo: ChartPhoto,
+               fit: chart_calibration.ChartCalibration, held_out: HeldOutPatches) -> ChartFit:
+    """How the calibration explains the first chart photo."""
+    irradiance, patch_error = photo.irradiance_or_pi, None
+    if fit.prior_fit is not None:
+        patch_error = np.array(fit.prior_fit.patch_error)
+        if isinstance(capture, captured.FlatCapture):       # the fit estimates the light over it
+            irradiance = np.full(len(fit.predicted), np.nan)        # not known of excluded patches
+            irradiance[photo.used] = fit.prior_fit.photos[0].field
+    return ChartFit(fit.predicted, irradiance, certain_glare(fit.prior_fit, chart.thumbnail),
+                    patch_error, fit.prior_influence, held_out, fit.copy)
 
 
 def require_spectrum(light: Spectrum | UnknownLight) -> Spectrum:

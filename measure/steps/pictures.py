@@ -68,8 +68,10 @@ def lit_photo(capture: FlatCapture, records: CaptureRecords, work: Work) -> LitP
     """All photos of the picture, in the pixels of the first, with white and its errors."""
     assert capture.picture is not None
     views = capture.picture_views
-    photos = signals.flat_photos(capture, records)
-    shown: list[stacked_photos.PicturePhoto] = []
+    all_photos = signals.flat_photos(capture, records)
+    photos = [all_photos[capture.views.index(view)] for view in views]
+    images: list[LinearImage] = []
+    nodes_of: list[np.ndarray] = []
     for number, view in enumerate(views):
         work.progress(SHARE_OF_TIME * number / len(views), f"reading {view.photo_names[0]}")
         image, _ = work.photos.developed(view.photo)
@@ -77,12 +79,11 @@ def lit_photo(capture: FlatCapture, records: CaptureRecords, work: Work) -> LitP
             crop = crop_of(image, capture.picture.rect)
             nodes_px, between = node_grid(crop, COLUMNS)
         motion = records.photo.registrations.get(view.name)
-        shown.append(stacked_photos.PicturePhoto(
-            photos[capture.views.index(view)], _in_first(image, motion, crop),
-            nodes_px if motion is None else motion.moved(nodes_px)))
+        images.append(_in_first(image, motion, crop))
+        nodes_of.append(nodes_px if motion is None else motion.moved(nodes_px))
     stated = signals.flat_errors(capture, records)
-    known, _ = white.agreeing_known([each.photo for each in shown], capture.known, stated)
-    return stacked_photos.stack_photos(shown, between, known, stated,
+    known, _ = white.agreeing_known(photos, capture.known, stated)
+    return stacked_photos.stack_photos(photos, images, nodes_of, between, known, stated,
                                        capture.picture.surface,
                                        of_families(load_prior(), capture.picture.families))
 

@@ -177,12 +177,12 @@ def uplift(request: requests.UpliftRequest) -> command_line.Answer:
         facts["caveat"] = texts.says(OF_SRGB)
         text += f"\n{texts.says(OF_SRGB)}"
     if chart is not None:
-        findings.append(chart.finding)
+        findings.append(chart)
     doubts = faults(findings)
     text += "".join(f"\n{'warning: ' * (one in doubts)}{texts.says(one)}" for one in findings)
     return command_line.Answer(facts | {
         "white": white, "white_from": white_from,
-        "chart_residual": None if chart is None else chart.residual,
+        "chart_residual": None if chart is None else chart.values["value"],
         "warnings": [texts.says(one) for one in doubts],
         "findings": [texts.facts(one) for one in findings]}, text)
 
@@ -208,7 +208,7 @@ def match(
     """List the measured spectra of a library that could be each surface, and how many of them the
     camera cannot tell apart.
     """
-    from spectrabox.measure.signals.matching import LibraryMatches, match_signal
+    from spectrabox.measure.signals.matching import facts_of_matches, match_signal
     from spectrabox.measure.surfaces.surface_signals import measurement
     from spectrabox.sampling.evaluation.identification import read_spectral_libraries
     from spectrabox.sampling.prior.mixture import load_prior, of_families
@@ -225,15 +225,17 @@ def match(
         raise InputError("every surface of this session has a known spectrum: there is nothing to "
                          "identify")
     known = read_spectral_libraries(library, signals.grid)
-    matches = LibraryMatches([match_signal(
+    matches = [match_signal(
         name, measurement(signals, signals.names.index(name)), known,
         of_families(load_prior(), config.surfaces[name].families), variation=variation,
-        evidence_ratio=ratio) for name in only or unknown],
-        known, variation)
-    texts = [_match_text(match) for match in matches.surfaces]
-    if left_out := matches.left_out(LEFT_OUT_NAMED):
+        evidence_ratio=ratio) for name in only or unknown]
+    texts = [_match_text(match) for match in matches]
+    left_out = [f"left out: {sentence}" for sentence in known.left_out[:LEFT_OUT_NAMED]]
+    if len(known.left_out) > LEFT_OUT_NAMED:
+        left_out.append(f"left out: {len(known.left_out) - LEFT_OUT_NAMED} more (--json lists all)")
+    if left_out:
         texts.append("\n".join(left_out))
-    return command_line.Answer(matches.facts(), "\n\n".join(texts))
+    return command_line.Answer(facts_of_matches(matches, known, variation), "\n\n".join(texts))
 
 
 def _match_text(match: SurfaceMatch) -> str:

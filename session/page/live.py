@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import threading
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -20,7 +21,7 @@ from spectrabox.measure.opened_photos import OpenPhotos
 from spectrabox.measure.pictures import shown_photo
 from spectrabox.measure.records import CaptureRecords, ChartRecords
 from spectrabox.measure.regions.flat_signals import RegionSignal
-from spectrabox.measure.regions.pointing import PointedSample, calibrated_photos
+from spectrabox.measure.regions.pointing import PointedSample, pointed_sample
 from spectrabox.measure.results.flat_result import FlatResult
 from spectrabox.measure.shoot import captures
 from spectrabox.measure.steps.declared_steps import inputs_of_calibration, inputs_of_charts
@@ -301,7 +302,7 @@ class LiveSample:
     def _show_calibrated(self) -> None:
         """Show the photos in the colours of the calibration, and of what is known of the light."""
         sample = self._sample
-        depends = None if sample is None else (sample.calibrated, digest_of_parts({
+        depends = None if sample is None else (sample.records, digest_of_parts({
             name: sample.capture.regions[name] for name in sample.capture.known}))
         if depends == self._looks_of:
             return
@@ -366,11 +367,11 @@ class LiveSample:
             self._images = (shown, self._opened(capture))
         key = wanted + shown
         if len(done) == 2 and (self._sample is None or self._sample_key != key):
-            calibrated = calibrated_photos(capture, CaptureRecords(done), self._images[1])
+            sample = pointed_sample(capture, CaptureRecords(done), self._images[1])
             with self._lock:
                 self._error, self._sample_key = "", key
                 self._calibrated_as = calibration_digest(capture)
-                self._sample = PointedSample(capture, calibrated)
+                self._sample = sample
                 self._state_anew()      # regions may have been marked meanwhile
 
     def _opened(self, capture: captured.FlatCapture) -> dict[str, LinearImage]:
@@ -392,7 +393,7 @@ class LiveSample:
             return
         capture = captures.flat_capture_of(self._config, self._config.inputs)
         if calibration_digest(capture) == self._calibrated_as:
-            self._sample = PointedSample(capture, self._sample.calibrated)
+            self._sample = replace(self._sample, capture=capture)
 
     def _begin(self, key: str) -> None:
         """Have the calibration made, once for each key; a run that failed says why."""
@@ -421,7 +422,7 @@ def calibration_digest(capture: captured.FlatCapture) -> str:
 def depends_on(sample: PointedSample, name: str) -> str:
     """What the spectrum of a region depends on, as a text."""
     capture = sample.capture
-    return f"{id(sample.calibrated)} {name} " + digest_of_parts({
+    return f"{id(sample.records)} {name} " + digest_of_parts({
         "region": capture.regions[name], "number": list(capture.regions).index(name),
         "known": {other: capture.regions[other] for other in capture.known},
         "sampling": capture.sampling, "repeatability": capture.repeatability,

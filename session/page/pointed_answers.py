@@ -178,10 +178,10 @@ def result_now(sample: PointedSample,
     SpectraboxError
         As the steps.
     """
-    capture, calibrated = sample.capture, sample.calibrated
-    keeper = MemoryKeeper(kept={"chart": InMemory(calibrated.records.chart),
-                                "calibrate": InMemory(calibrated.records.calibrate)})
-    work = Work(PhotosAtHand(capture, calibrated.images), lambda share, message: None)
+    capture, records = sample.capture, sample.records
+    keeper = MemoryKeeper(kept={"chart": InMemory(records.chart),
+                                "calibrate": InMemory(records.calibrate)})
+    work = Work(PhotosAtHand(capture, sample.images), lambda share, message: None)
     keeper.keep(declared_steps.FLAT_PHOTOS, lambda progress, folder: photos.measure_flat_photos(
         capture, keeper.records, work))
     keeper.keep(declared_steps.SIGNALS,

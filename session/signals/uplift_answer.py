@@ -13,7 +13,6 @@ import numpy as np
 from spectrabox.capture.photo import image_rows, linear, processed_photos, stored_images
 from spectrabox.measure.pictures import pixel_spectra, spectra_files, uplift
 from spectrabox.measure.pictures.photo_white import (
-    PhotoWhite,
     photo_white,
     require_camera_signal,
 )
@@ -31,7 +30,7 @@ COLOUR_ERROR = "delta_e00"    # map of how far the spectra are from the colours 
 MAX_SEARCHED_PX = 30_000_000        # a photo; a larger picture is not read at once for its chart
 
 
-def stated_white(request: UpliftRequest) -> tuple[UpliftRequest, str, PhotoWhite | None]:
+def stated_white(request: UpliftRequest) -> tuple[UpliftRequest, str, Finding | None]:
     """The request with its white, as it is stated or a chart in the photo tells it, from where, and
     what the chart says.
 
@@ -55,7 +54,7 @@ def stated_white(request: UpliftRequest) -> tuple[UpliftRequest, str, PhotoWhite
                 stored_images.read_header(request.image).photo_kind, request.image.name)
         return request, "stated; no chart was looked for", None
     response = relative_response(*_camera_and_light(request), grid.FINE_GRID)
-    white = None
+    chart = None
     if _is_searched(request.image):
         try:
             photo = linear.open_photo(request.image)
@@ -63,12 +62,13 @@ def stated_white(request: UpliftRequest) -> tuple[UpliftRequest, str, PhotoWhite
             photo = None            # too small to show a chart; what cannot be read is said below
         if photo is not None:
             uplift.require_bands(photo.signal.shape[2], response)
-            white = photo_white(photo, response, WHITE_REMEDY)
-    if white is None:
+            chart = photo_white(photo, response, WHITE_REMEDY)
+    if chart is None:
         return replace(request, white=",".join(["1"] * len(response))), \
             "taken as 1: no --white was given, and no chart was found", None
-    return replace(request, white=",".join(f"{float(value):.6g}" for value in white.white)), \
-        "the chart in the photo", white
+    white, finding = chart
+    return replace(request, white=",".join(f"{float(value):.6g}" for value in white)), \
+        "the chart in the photo", finding
 
 
 def _is_searched(image: Path) -> bool:

@@ -29,7 +29,7 @@ from spectrabox.measure.captured import Capture, InputFile
 from spectrabox.measure.shoot.inputs import chart_files
 from spectrabox.measure.steps.declared_steps import steps_of
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import FileState, file_state
+from spectrabox.radiometry.files import file_state
 from spectrabox.radiometry.spectra.formats.delimited import envi_partner, metadata_path
 from spectrabox.reconstruct.rendering.llvm import llvm_name
 from spectrabox.reconstruct.scene.scene_file import SceneFile
@@ -117,7 +117,7 @@ class InputFiles:
     def __init__(self, config: SessionConfig) -> None:
         self._config = config
         self.folder = config.folder
-        self._states: dict[str, FileState] = {}
+        self._states: dict[str, tuple[str, tuple[int, ...]]] = {}      # as of ``file_state``
 
     def digests(self, *names: str | None) -> dict[str, str]:
         """SHA-256 of files by name, and of what lies beside them: the other half
@@ -137,7 +137,7 @@ class InputFiles:
         for name in self._with_partners(names):
             if name not in self._states:
                 self._states[name] = file_state(self._path(name))
-            digests[name] = self._states[name].sha256
+            digests[name], _ = self._states[name]
         return digests
 
     def require_unchanged(self, names: Iterable[str]) -> None:

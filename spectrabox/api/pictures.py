@@ -110,8 +110,8 @@ def uplift(image: ArrayLike | Photo | str | Path, *, camera: arguments.CameraLik
             chart = photo_white(image.image, fine_response, "Give white=, what a perfect white "
                                 "reads in each band")
             if chart is not None:
-                white = chart.white
-                for doubt in faults([chart.finding]):
+                white, finding = chart
+                for doubt in faults([finding]):
                     warnings.warn(texts.says(doubt), stacklevel=3)
     with progress_steps(progress, "uplift") as step:
         return uplift_image(pixels, response,
