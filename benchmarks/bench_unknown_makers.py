@@ -25,7 +25,8 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.calibrate.chart_calibration import CalibrationOptions
+from spectrabox.calibrate.camera_curves import camera_curves, curve_band
+from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
 from spectrabox.calibrate.chart_equations import field_terms
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.prior.camera_prior import CameraPrior, matern
@@ -37,7 +38,6 @@ from spectrabox.calibrate.prior.learnt_prior import (
     read_camera_database,
 )
 from spectrabox.calibrate.products.lamps import blackbodies, colour_temperatures
-from spectrabox.measure.camera import fit_camera
 from spectrabox.radiometry.chart import AFTER_2014, CLASSIC, chart_reflectances
 from spectrabox.radiometry.charts.references import editions
 from spectrabox.radiometry.errors import CheckError
@@ -85,8 +85,9 @@ def fitted(truth: np.ndarray, names: tuple[str, ...], prior: CameraPrior,
 def judged(photos: list[ChartPhoto], prior: CameraPrior,
            truth: np.ndarray) -> tuple[float, float, float]:
     """Error, share that the 90 % band holds and interval score of the fit to photos by (K, P)."""
-    fit = fit_camera(photos, GRID, CalibrationOptions(prior=prior))
-    band, curves = fit.band, fit.sensitivity.curves
+    fit = calibrate_chart(photos, GRID, CalibrationOptions(prior=prior))
+    band, curves = curve_band(fit), camera_curves(fit).curves
+    assert band is not None
     ours, true = curves / curves[1].max(), truth / truth[1].max()
     error = np.sqrt(((ours - true) ** 2).sum(axis=1) / (true**2).sum(axis=1)).mean()
     top = truth / truth.max()

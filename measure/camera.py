@@ -1,6 +1,6 @@
 """A camera from photos of a chart and the spectrum of its light.
 
-``measure_chart`` takes the patches from a photo; ``measure_camera`` fits the curves of a capture
+``chart_in_photo`` takes the patches from a photo; ``measure_camera`` fits the curves of a capture
 with their band, and checks them on patches that no fit saw. Files are read and written by the
 callers.
 """
@@ -50,35 +50,6 @@ def chart_signals(chart: Chart, reflectances: np.ndarray | None,
             else typical_camera_signals(reflectances, grid))
 
 
-def measure_chart(photo: LinearImage, chart: Chart, reflectances: np.ndarray,
-                  grid: spectra.WavelengthGrid, corners_px: np.ndarray | None = None,
-                  excluded: np.ndarray | None = None) -> PatchSamples:
-    """Signals of the patches of a chart in a photo.
-
-    Parameters
-    ----------
-    photo : LinearImage
-    chart : Chart
-    reflectances : (I, P) array
-        Of the chart, on ``grid``.
-    grid : WavelengthGrid
-    corners_px : (4, 2) array or None
-        Of the chart, in pixels of the photo; None to search for it.
-    excluded : (I,) bool array, optional
-        Patches that the operator leaves out.
-
-    Raises
-    ------
-    ChartNotFoundError, CheckError
-        As ``find_chart``.
-    ClippedPhotoError
-        If more than a few patches are saturated.
-    """
-    expected = chart_signals(chart, reflectances, grid)
-    _, samples = chart_fit.find_patches(photo, expected, chart, corners_px, excluded=excluded)
-    return samples
-
-
 @dataclass(frozen=True, eq=False)
 class ChartSignals:
     """The patches of a chart, as a photo of it or a table of signals gives them."""
@@ -90,10 +61,11 @@ class ChartSignals:
 
 
 def chart_in_photo(photo: LinearImage, stated: captured.Capture) -> ChartSignals:
-    """The patches of the stated chart in a photo, as `measure_chart` takes them on FINE_GRID."""
+    """The patches of the stated chart in a photo."""
     chart = stated.lit_chart
-    samples = measure_chart(photo, chart.layout, chart.reflectances, FINE_GRID, chart.corners_px,
-                            chart.excluded)
+    expected = chart_signals(chart.layout, chart.reflectances, FINE_GRID)
+    _, samples = chart_fit.find_patches(photo, expected, chart.layout, chart.corners_px,
+                                        excluded=chart.excluded)
     return ChartSignals(photo.source, samples, spectra.default_band_names(photo.signal.shape[2]))
 
 
@@ -140,8 +112,8 @@ class CameraFit:
     band: CurveBand | None          # None for measured curves
     held_out: calibration.HeldOutPatches  # of the first photo, each by a calibration without it
     photos: tuple[chart_photo.ChartPhoto, ...]
-    bands: tuple[str, ...] = ()     # K names
-    of_signals: tuple[Finding, ...] = ()
+    bands: tuple[str, ...]          # K names
+    of_signals: tuple[Finding, ...]
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
@@ -281,14 +253,15 @@ def measure_camera(shown: Sequence[ChartSignals], stated: Sequence[captured.Capt
                                                    curves=chosen.curves)
     irradiance = None if scene is None else chart_fit.irradiance_on(first.layout, scene, first.seed,
                                                                     "auto")
-    fit = fit_camera(photos_of_charts(shown, stated, irradiance), FINE_GRID, options, seed)
+    photos = photos_of_charts(shown, stated, irradiance)
+    fit, held_out = chart_fit.fit(photos, FINE_GRID, options)
+    curves, band = camera_curves(fit), curve_band(fit, seed)
     if scene is not None:
         error = chart_fit.lamp_error(first.layout, scene, first.repeatability.lamp_position,
                                      first.seed)
-        fit = replace(fit, chart=replace(fit.chart, calibration=chart_fit.with_lamp_error(
-            fit.chart.calibration, error)))
-    return replace(fit, bands=shown[0].bands,
-                   of_signals=tuple(finding for one in shown for finding in one.findings))
+        fit = replace(fit, calibration=chart_fit.with_lamp_error(fit.calibration, error))
+    return CameraFit(fit, curves, band, held_out, tuple(photos), shown[0].bands,
+                     tuple(finding for one in shown for finding in one.findings))
 
 
 def photos_of_charts(shown: Sequence[ChartSignals], stated: Sequence[captured.Capture],
@@ -319,29 +292,3 @@ def _require_one_camera(shown: Sequence[ChartSignals]) -> None:
             raise InputError(f"{one.source} has the bands {', '.join(one.bands)}, "
                              f"{first.source} has {', '.join(first.bands)}; all photos must be "
                              "of one camera, its bands in the same order")
-
-
-def fit_camera(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.WavelengthGrid,
-               options: chart_calibration.CalibrationOptions | None = None,
-               seed: int = 0) -> CameraFit:
-    """Sensitivities of a camera from chart photos and the spectra of their lights.
-
-    Parameters
-    ----------
-    photos : sequence of ChartPhoto
-        By one camera.
-    grid : WavelengthGrid
-        Working grid, of P wavelengths.
-    options : CalibrationOptions or None
-        None takes the defaults.
-    seed : int
-        Of the draws of the curves.
-
-    Raises
-    ------
-    InputError, CheckError, CalibrationError
-        As ``calibrate_chart``.
-    """
-    calibrated, held_out = chart_fit.fit(photos, grid, options)
-    return CameraFit(calibrated, camera_curves(calibrated), curve_band(calibrated, seed), held_out,
-                     tuple(photos))

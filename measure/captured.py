@@ -32,6 +32,7 @@ FIRST_PHOTO = "photo"       # title of the first view, whose name is ""; in sess
 # this very card.
 READ_ERROR, TYPED_ERROR = 0.005, 0.03
 SAME = 1e-9                 # of two reflectances of one number
+CURVES_ERROR = 0.02         # relative, of signals predicted from measured curves
 
 Outline = tuple[tuple[float, float], ...]       # corners (x, y) in pixels of a photo, going round
 
@@ -87,7 +88,7 @@ class Sensitivity:
     source: str = "chart"                   # of the curves, in words
     method: str = "prior"                   # of a chart's fit
     prior: CameraPrior | None = None
-    relative_error: float = 0.02            # of signals predicted from measured curves
+    relative_error: float = CURVES_ERROR    # of signals predicted from measured curves
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,20 +8,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from spectrabox.capture.chart.patches import require_unclipped, sample_patches
 from spectrabox.capture.develop.developed import open_any
 from spectrabox.capture.photo.metadata import photo_metadata
 from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.measure import captured, opened_photos
 from spectrabox.measure.scene.box_camera import scene_of
 from spectrabox.measure.shoot.captures import capture_with_faults
-from spectrabox.measure.steps import chart_fit
 from spectrabox.measure.steps.declared_steps import INVERSION
 from spectrabox.measure.steps.inversion import require_invertible, require_materials
-from spectrabox.measure.steps.photos import stated_corners
+from spectrabox.measure.steps.photos import find_stated_chart
 from spectrabox.radiometry import errors
-from spectrabox.radiometry.chart import typical_camera_signals
 from spectrabox.radiometry.findings import Finding, each_once
-from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.spectra.cameras import known_camera
 from spectrabox.radiometry.system.archives import free_memory
@@ -37,18 +35,10 @@ Attempt = Callable[..., Any]
 
 
 @dataclass(frozen=True)
-class Problem:
-    """One thing that is wrong, and the exit code that it means."""
-
-    sentence: str
-    exit_code: int
-
-
-@dataclass(frozen=True)
 class CheckResult:
     """What a run of a session would meet."""
 
-    problems: list[Problem]     # each sentence once, in the order of the inputs
+    problems: dict[str, int]    # sentences in the order of the inputs, with the exit code of each
     # what the inversion of a scene will take; None where nothing is left to invert, or unknown
     forecast: Forecast | None
     # of what the scenes state: what is not kept, and how their lights are taken
@@ -90,12 +80,11 @@ def check_session(folder: Path, allow_outside: bool = False, device: str = DEVIC
     shared : Path, optional
         As of ``run_stages``.
     """
-    problems: list[Problem] = []
     config, sentences = try_read_session(folder, allow_outside)
-    problems += [Problem(sentence, errors.InputError.exit_code) for sentence in sentences]
+    problems = dict.fromkeys(sentences, errors.InputError.exit_code)
     if folder.is_dir() and not os.access(folder, os.W_OK):
-        problems.append(Problem(f"{folder} cannot be written: change its permissions",
-                                errors.EnvironmentProblem.exit_code))
+        problems[f"{folder} cannot be written: change its permissions"] = \
+            errors.EnvironmentProblem.exit_code
     if config is None:
         return CheckResult(problems, None)
 
@@ -104,8 +93,8 @@ def check_session(folder: Path, allow_outside: bool = False, device: str = DEVIC
         try:
             return read(*arguments)
         except errors.SpectraboxError as error:
-            raised = [Problem(fault, error.exit_code) for fault in error.faults]
-            problems.extend(one for one in raised if one not in problems)
+            for fault in error.faults:
+                problems.setdefault(fault, error.exit_code)
             return None
 
     capture, faults = capture_with_faults(config, config.inputs)
@@ -232,7 +221,6 @@ def require_chart(capture: captured.Capture, view: captured.View, photo: LinearI
     ------
     InputError, CheckError
     """
-    layout = capture.layout
-    signals = typical_camera_signals(capture.lit_chart.reflectances, FINE_GRID, view.power)
-    chart_fit.find_patches(photo, signals, layout, stated_corners(capture, view),
-                           name=view.chart_names[0], bands_may_drop=capture.bands_may_drop)
+    detection, _ = find_stated_chart(capture, view, photo)
+    require_unclipped(sample_patches(photo, detection), capture.layout.names, view.chart_names[0],
+                      capture.layout.neutrals, bands_may_drop=capture.bands_may_drop)

@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 from inline_workers import inline_workers
 
-from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.session.batch.executors import (
-    NotRun,
     open_processes,
     run_tasks,
     shares_of_cores,
@@ -51,7 +50,7 @@ SQUARES = [Square(number) for number in (0, 1, 2, 4, 5)]
 def test_a_task_that_its_worker_dies_of_is_known_and_the_others_go_on(number):
     with open_processes(2) as workers:
         results = results_of(workers, [*SQUARES[:2], Square(3, number), *SQUARES[2:]])
-    assert isinstance(results.pop(3), NotRun)
+    assert isinstance(results.pop(3), EnvironmentProblem)
     assert results == {0: 0, 1: 1, 2: 4, 4: 16, 5: 25}
 
 

@@ -16,8 +16,7 @@ from spectrabox.radiometry.covariance import block_diagonal
 from spectrabox.radiometry.records import spectra
 from spectrabox.sampling.further.more_measurements import Reading
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
-
-READING_ERROR = 0.005       # standard error of a reading: that of a good instrument
+from spectrabox.sampling.summary import READING_ERROR
 
 
 def with_reading(unknown: Unknown, nm: float) -> spectra.SurfaceSignals:

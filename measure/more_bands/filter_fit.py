@@ -100,7 +100,7 @@ def filter_from_charts(
     CalibrationError, CheckError, InputError
         As ``calibrate_chart``.
     """
-    fit = chart_fit.fit([bare, through], FINE_GRID, options)[0].prior_fit
+    fit = chart_calibration.calibrate_chart([bare, through], FINE_GRID, options).prior_fit
     assert fit is not None and fit.photos[1].filter is not None
     first, second = fit.photos
     fitted = fit.photos[1].filter

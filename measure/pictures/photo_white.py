@@ -14,8 +14,9 @@ import numpy as np
 from spectrabox.calibrate.chart_equations import field_terms
 from spectrabox.calibrate.chart_findings import chart_limits
 from spectrabox.measure import texts
-from spectrabox.measure.camera import measure_chart
+from spectrabox.measure.camera import chart_signals
 from spectrabox.measure.pictures.traced_photo import TracedPhoto
+from spectrabox.measure.steps import chart_fit
 from spectrabox.radiometry import errors
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.charts.references import reference_reflectances
@@ -107,10 +108,11 @@ def white_of_chart(photo: LinearImage,
     Raises
     ------
     ChartNotFoundError, CheckError, ClippedPhotoError
-        As ``measure_chart``.
+        As ``chart_fit.find_patches``.
     """
     reflectances = reference_reflectances(None, CLASSIC, FINE_GRID)
-    samples = measure_chart(photo, CLASSIC, reflectances, FINE_GRID)
+    _, samples = chart_fit.find_patches(photo, chart_signals(CLASSIC, reflectances, FINE_GRID),
+                                        CLASSIC)
     lightest = next(patch for patch in CLASSIC.neutrals if not samples.clipped[patch].any())
     predicted = reflectances @ relative_response.T
     residual = chart_residual(samples.mean, predicted, ~samples.clipped)

@@ -135,8 +135,8 @@ class SensitivitySection(Table):
     method: Literal["prior", "smooth", "nonnegative", "paper"] = Field(
         "prior", description="prior: learnt from measured cameras; the others: splines")
     prior: str | None = Field(None, description="a prior made by 'spectrabox camera prior'")
-    relative_error: float = Field(0.02, ge=1e-4, le=1, description="of signals predicted from "
-                                  "measured curves")
+    relative_error: float = Field(captured.CURVES_ERROR, ge=1e-4, le=1, description="of signals "
+                                  "predicted from measured curves")
     truth: curves.CurvesRef | None = Field(None, description="curves to compare with in the report")
 
     @property

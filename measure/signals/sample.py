@@ -32,11 +32,10 @@ from spectrabox.sampling.prior import signal_posterior
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.sampling.prior.summaries import summaries
 from spectrabox.sampling.published.baselines import ranked, refined_as_published
-from spectrabox.sampling.summary import METAMERISM, check_level, summarise
+from spectrabox.sampling.summary import METAMERISM, READING_ERROR, check_level, summarise
 from spectrabox.sampling.uniform import as_spectra, into_reach
 
 MAX_SAMPLES = 5_000_000
-READING_ERROR = 0.005           # standard error of a reading that states none
 FWHM_TO_SD = 1 / (2 * np.sqrt(2 * np.log(2)))
 BASELINE_NM = 50        # between the wavelengths at which single spectra are told
 CURVE_DIGITS = 7    # of curves that are known to 1e-6, so that thousands are written quickly

@@ -302,7 +302,7 @@ def _own_scale(photo: ChartPhoto, camera: Calibration, prior_fit: PriorFit | Non
     if prior_fit is not None:
         return prior_fit.photos[index].light_scale
     options = chart_calibration.CalibrationOptions(curves=camera.sensitivity.curves)
-    return chart_fit.fit([photo], FINE_GRID, options)[0].scale
+    return chart_calibration.calibrate_chart([photo], FINE_GRID, options).scale
 
 
 def _irradiance(capture: captured.SceneCapture, work: Work) -> np.ndarray | None:

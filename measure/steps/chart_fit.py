@@ -61,18 +61,14 @@ def find(photo: LinearImage, expected: np.ndarray, layout: Chart,
 
 def find_patches(photo: LinearImage, expected: np.ndarray, layout: Chart,
                  corners_px: np.ndarray | None = None, before: ChartDetection | None = None, *,
-                 filtered: bool = False, name: str = "", bands_may_drop: bool = False,
-                 excluded: np.ndarray | None = None) -> tuple[ChartDetection, PatchSamples]:
+                 filtered: bool = False, excluded: np.ndarray | None = None
+                 ) -> tuple[ChartDetection, PatchSamples]:
     """The chart in a photo, and the signals of its patches.
 
     Parameters
     ----------
     photo, expected, layout, corners_px, before, filtered, excluded
         As of ``find``.
-    name : str
-        Of the photo, for messages; by default its source.
-    bands_may_drop : bool
-        As of ``require_unclipped``.
 
     Raises
     ------
@@ -84,8 +80,7 @@ def find_patches(photo: LinearImage, expected: np.ndarray, layout: Chart,
     detection = find(photo, expected, layout, corners_px, before, filtered=filtered,
                      excluded=excluded)
     samples = sample_patches(photo, detection)
-    require_unclipped(samples, layout.names, name or photo.source, layout.neutrals,
-                      bands_may_drop=bands_may_drop)
+    require_unclipped(samples, layout.names, photo.source, layout.neutrals)
     return detection, samples
 
 

@@ -68,11 +68,8 @@ def find_charts(capture: captured.Capture, records: CaptureRecords, work: Work) 
         work.progress((index + 0.1) / len(views), f"finding the chart in {name}")
         photo, own_findings = work.photos.developed(view.chart)
         opened_photos.require_one_camera([*(each.thumbnail for each in charts.values()), photo])
-        expected = typical_camera_signals(chart.reflectances, grid.FINE_GRID, view.power)
         again = None if first is None else _moved(*first, photo)
-        detection = chart_fit.find(photo, expected, chart.layout, stated_corners(capture, view),
-                                   again, filtered=view.filter is not None,
-                                   excluded=chart.excluded)
+        detection, expected = find_stated_chart(capture, view, photo, again)
         if capture.one_tripod and len(capture.views) > 1 and first is None:
             first = detection, find_edges(photo)
         findings += work.write_picture(view.label("overlay"),
@@ -91,10 +88,29 @@ def find_charts(capture: captured.Capture, records: CaptureRecords, work: Work) 
     return ChartRecords(charts, tuple(findings))
 
 
-def stated_corners(capture: captured.Capture, view: captured.View) -> np.ndarray | None:
-    """Outer corners (4, 2) of the chart in pixels where they were stated, of the first view alone.
+def find_stated_chart(capture: captured.Capture, view: captured.View, photo: LinearImage,
+                      before: ChartDetection | None = None
+                      ) -> tuple[ChartDetection, np.ndarray]:
+    """The chart in the chart photo of a view, and the signals (I, 3) by which it is known.
+
+    Parameters
+    ----------
+    capture : Capture
+    view : View
+    photo : LinearImage
+    before : ChartDetection, optional
+        Where another photo from the same tripod shows it.
+
+    Raises
+    ------
+    ChartNotFoundError, CheckError
+        As ``find_chart``.
     """
-    return None if view.name else capture.lit_chart.corners_px
+    chart = capture.lit_chart
+    expected = typical_camera_signals(chart.reflectances, grid.FINE_GRID, view.power)
+    corners = None if view.name else chart.corners_px       # which are stated of the first alone
+    return chart_fit.find(photo, expected, chart.layout, corners, before,
+                          filtered=view.filter is not None, excluded=chart.excluded), expected
 
 
 def _moved(before: ChartDetection, edges: Edges, photo: LinearImage) -> ChartDetection:

@@ -20,6 +20,7 @@ from spectrabox.sampling import spectral_measurement
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 from spectrabox.sampling.prior.mixture_posterior import with_floor
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
+from spectrabox.sampling.summary import READING_ERROR
 
 DOUBT_DRAWS = 400
 
@@ -187,7 +188,8 @@ class Reading:
     standard_error: float
 
     @staticmethod
-    def at_wavelength(nm: float, value: float, standard_error: float = 0.005) -> Reading:
+    def at_wavelength(nm: float, value: float,
+                      standard_error: float = READING_ERROR) -> Reading:
         """A reading at one wavelength, as of a spectrometer spot or a monochromatic photo.
 
         Raises

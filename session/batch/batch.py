@@ -81,8 +81,8 @@ def run_batch(order: tasks.Order, waiting: list[Path],
     checked = deque[tasks.Task]()
     for task, result in executors.run_tasks(
             workers, lambda: checked.popleft() if checked else next(new, None)):
-        outcome = tasks.failed(task, result.why, errors.EnvironmentProblem.exit_code) \
-            if isinstance(result, executors.NotRun) else result
+        outcome = tasks.failed(task, str(result), result.exit_code) \
+            if isinstance(result, errors.EnvironmentProblem) else result
         if outcome.state == "ready":
             checked.append(replace(task, check=False, needed_bytes=outcome.needed_bytes))
         else:

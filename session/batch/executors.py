@@ -54,13 +54,6 @@ Task = TypeVar("Task", bound=Work)
 
 
 @dataclass(frozen=True)
-class NotRun:
-    """In place of the result of a task that has none."""
-
-    why: str
-
-
-@dataclass(frozen=True)
 class Capacity:
     """Tasks that run at once, and memory for them; None where it is not known."""
 
@@ -94,8 +87,8 @@ def run_tasks(workers: Workers, next_task: Callable[[], Task | None]
     Yields
     ------
     task, result
-        As tasks end. The result is a ``NotRun`` if the task's worker died or no worker has the
-        memory.
+        As tasks end. The result is an ``EnvironmentProblem`` if the task's worker died or no
+        worker has the memory.
 
     Raises
     ------
@@ -114,7 +107,7 @@ def run_tasks(workers: Workers, next_task: Callable[[], Task | None]
             if task is None:
                 break
             if capacity.worker_bytes is not None and task.needed_bytes > capacity.worker_bytes:
-                yield task, NotRun(
+                yield task, EnvironmentProblem(
                     f"{_mib(task.needed_bytes)} of memory are needed and a worker has "
                     f"{_mib(capacity.worker_bytes)}; give the workers more, then run the same "
                     "command again")
@@ -167,7 +160,7 @@ def _result(future: Future[Any], workers: Workers) -> Any:
     if error is None:
         return future.result()
     if isinstance(error, (*DEATHS, *workers.killed)):
-        return NotRun(WORKER_DIED)
+        return EnvironmentProblem(WORKER_DIED)
     raise error
 
 

@@ -101,8 +101,7 @@ def _check(task: Task) -> overview.Outcome:
         result = problems.check_session(task.folder, order.allow_outside, order.device,
                                  order.out / SHARED)
     if result.problems:
-        return failed(task, "\n".join(each.sentence for each in result.problems),
-                      min(each.exit_code for each in result.problems))
+        return failed(task, "\n".join(result.problems), min(result.problems.values()))
     return overview.Outcome(str(task.folder), "ready", task.folder.name,
                    needed_bytes=task.needed_bytes + (result.tracing_bytes or 0))
 

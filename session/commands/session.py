@@ -87,8 +87,7 @@ def check(folder: command_line.Folder,
     from spectrabox.radiometry.system.archives import free_memory
     from spectrabox.session.problems import check_session
     checked = check_session(folder, allow_outside)
-    problems = checked.problems
-    sentences = [problem.sentence for problem in problems]
+    sentences = [*checked.problems]
     text = "\n".join(f"- {sentence}"
                      for sentence in sentences) or "nothing is wrong: ready to run"
     text = "\n".join(filter(None, [text, *map(texts.says, checked.findings), checked.sentence]))
@@ -97,13 +96,13 @@ def check(folder: command_line.Folder,
     memory = None if checked.tracing_bytes is None else {"tracing_bytes": checked.tracing_bytes,
                                                        "free_bytes": free_memory()}
     forecast = checked.forecast
-    exit_code = min((problem.exit_code for problem in problems), default=0)
-    facts = {"ready": not problems, "problems": sentences, "memory": memory,
+    exit_code = min(checked.problems.values(), default=0)
+    facts = {"ready": not sentences, "problems": sentences, "memory": memory,
              "engine": None if forecast is None else forecast.engine,
              "seconds": None if forecast is None else forecast.seconds,
              "findings": [texts.facts(one) for one in checked.findings],
              "known_camera": checked.known_camera}
-    if problems:        # the keys that every command answers an error with
+    if sentences:       # the keys that every command answers an error with
         facts |= {"error": "\n".join(sentences), "exit_code": exit_code}
     return command_line.Answer(facts, text, exit_code)
 
@@ -327,4 +326,4 @@ def _with_all_faults(config: SessionConfig) -> Iterator[None]:
     except (InputError, CheckError) as error:
         from spectrabox.session.problems import check_session
         others = check_session(config.folder, config.allow_outside).problems
-        raise type(error)(*error.faults, *(each.sentence for each in others)) from error
+        raise type(error)(*error.faults, *others) from error

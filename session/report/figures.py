@@ -282,7 +282,7 @@ CONTOURS = (0.01, 0.02, 0.05, 0.1, 0.2)     # of the light's relative error
 
 @svg.figure("the photo")
 def photo_figure(name: str, photo: flat_result.PhotoOfRegions, preview: Path,
-                 links: Mapping[str, svg.MarkLink], calibrated: Path | None = None) -> Markup:
+                 links: Mapping[str, tuple[str, int]], calibrated: Path | None = None) -> Markup:
     """The photo with its chart and regions outlined, edges across these and the larger part beside
     them in red; the axes count pixels. A region leads to its card.
 
@@ -310,7 +310,7 @@ def photo_figure(name: str, photo: flat_result.PhotoOfRegions, preview: Path,
         plot.outline(patch, CHART, 0.7)
     for region, corners in photo.outlines.items():
         shape = svg.path(plot.x(corners[:, 0]), plot.y(corners[:, 1])) + "z"
-        plot.linked(shape, svg.plain_line(region), links[region], REGION, 1.1)
+        plot.linked(shape, svg.plain_line(region), *links[region], REGION, 1.1)
     plot.lines([edge.line_px for edge in photo.edges.values()], EDGE, 1.6, dash="4 2")
     for edge in photo.edges.values():
         if edge.larger_part_px is not None:

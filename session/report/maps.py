@@ -98,7 +98,7 @@ def pair_figure(name: str, made: scenes.Reconstruction, fit: calibration.Sensiti
 
 @svg.figure("the photo")
 def linked_photo(name: str, made: scenes.Reconstruction, of_photo: calibration.Calibration,
-                 links: Mapping[str, svg.MarkLink]) -> Markup:
+                 links: Mapping[str, tuple[str, int]]) -> Markup:
     """The photo alone, in the colours of its calibration where it has three bands; every surface
     leads to the card of its material.
 
@@ -130,7 +130,7 @@ def linked_photo(name: str, made: scenes.Reconstruction, of_photo: calibration.C
                        strict=True)
             plot.linked(
                 "".join(f"M{x0:.1f} {y0:.1f}H{x1:.1f}V{y1:.1f}H{x0:.1f}z"
-                        for x0, x1, y0, y1 in runs), svg.plain_line(material), links[material])
+                        for x0, x1, y0, y1 in runs), svg.plain_line(material), *links[material])
     return plot.drawn("Photo", "The photo; each surface leads to the card of its material.")
 
 

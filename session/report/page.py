@@ -129,7 +129,7 @@ def render_report(results: SessionResults) -> Report:
     """The page as text; every name, note and file name of the session is escaped."""
     result = results.found
     cards = answer_cards(result.surfaces, result.verdict.doubts, result.advice)
-    links = {card.surface.name: svg.MarkLink(card.id, card.index) for card in cards}
+    links = {card.surface.name: (card.id, card.index) for card in cards}
     if isinstance(result, FlatResult):
         kind = _flat_page(result, results, links)
     else:
@@ -185,7 +185,7 @@ class KindOfPage:
 
 
 def _flat_page(result: FlatResult, results: SessionResults,
-               links: Mapping[str, svg.MarkLink]) -> KindOfPage:
+               links: Mapping[str, tuple[str, int]]) -> KindOfPage:
     """Photos with regions and light."""
     photos = [PhotoSection(photo, figures.photo_figure(
                                f"photo-{number}", photo, results.previews[photo.view], links,
@@ -207,7 +207,7 @@ def _whiskers(photo: PhotoOfRegions) -> dict[str, Markup]:
 
 
 def _scene_page(result: SceneResult, results: SessionResults,
-                links: Mapping[str, svg.MarkLink]) -> KindOfPage:
+                links: Mapping[str, tuple[str, int]]) -> KindOfPage:
     """Photo against rendering, geometry, convergence."""
     fit = result.reconstruction
     views = [(view, _agreement_section(f"-{number}", view.reconstruction, view.calibration,

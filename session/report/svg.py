@@ -87,14 +87,6 @@ class Readout:
     digits: int = 3
 
 
-@dataclass(frozen=True)
-class MarkLink:
-    """Where a mark on a photo leads: to the card of its surface."""
-
-    card: str                         # its id
-    index: int                        # of the surface among the page's numbers
-
-
 class Plot:
     """A figure that is being drawn: each mark is written as it is added, over those before it.
 
@@ -253,14 +245,14 @@ class Plot:
         shape = path(self.x(corners[:, 0]), self.y(corners[:, 1])) + "z"
         self._marks += [_stroke(shape, "#000", width + 1), _stroke(shape, colour, width)]
 
-    def linked(self, shape: str, name: str, link: MarkLink, colour: str = "",
+    def linked(self, shape: str, name: str, card: str, index: int, colour: str = "",
                width: float = 0) -> None:
-        """A part of a picture that leads to the card of its surface: an SVG path, with a rim where
-        it has a colour.
+        """A part of a picture that leads to the card of its surface, by the card's id and the
+        surface's index among the page's numbers: an SVG path, with a rim where it has a colour.
         """
         rims = [_stroke(shape, "#000", width + 1), _stroke(shape, colour, width)] if colour else []
         self._marks.append(
-            f'<a class="mark" href="#{link.card}" data-surface="{link.index}" '
+            f'<a class="mark" href="#{card}" data-surface="{index}" '
             f'aria-label="{escape(name)}"><path class="area" d="{shape}"/>{"".join(rims)}</a>')
         self._role = "group"        # pictures hold nothing that is pressed
 

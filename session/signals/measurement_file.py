@@ -12,6 +12,7 @@ from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.spectra import Quantity, SpectralMeasurement
 from spectrabox.radiometry.spectra import named_spectra, spectrum_files
 from spectrabox.sampling.further.more_measurements import MoreMeasurement, Reading
+from spectrabox.sampling.summary import READING_ERROR
 from spectrabox.session.commands.requests import MeasuredSignal
 from spectrabox.session.signals import signal_options
 
@@ -24,7 +25,7 @@ class ReadingTable(checked_tables.Table):
 
     nm: float
     reflectance: float
-    error: float = sample.READING_ERROR
+    error: float = READING_ERROR
     fwhm_nm: float = 0.0
 
 
@@ -34,7 +35,7 @@ class BandTable(checked_tables.Table):
     curve: str
     reflectance: float
     column: str | None = None
-    error: float = sample.READING_ERROR
+    error: float = READING_ERROR
 
 
 class SpotTable(checked_tables.Table):
@@ -198,7 +199,7 @@ def _spot(table: SpotTable, folder: Path) -> MoreMeasurement:
     if not nm.size:
         raise InputError(f"{table.file} holds nothing of 400-700 nm; leave the spot out")
     values = np.interp(nm, spectrum.grid.nm, spectrum.values)
-    errors = np.full(nm.size, sample.READING_ERROR if table.error is None else table.error)
+    errors = np.full(nm.size, READING_ERROR if table.error is None else table.error)
     if spectrum.standard_error is not None and table.error is None:
         errors = np.interp(nm, spectrum.grid.nm, spectrum.standard_error)
     readings = [sample.reading_at(float(at_nm), float(value), float(error))

@@ -13,6 +13,7 @@ from spectrabox.radiometry.spectra import cameras, named_spectra
 from spectrabox.radiometry.system.words import is_number
 from spectrabox.sampling.further.more_measurements import Reading
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
+from spectrabox.sampling.summary import READING_ERROR
 
 
 def response_of_names(sensitivity: str, light: str) -> np.ndarray:
@@ -213,5 +214,5 @@ def parse_reading(text: str) -> Reading:
         raise errors.InputError(f"--reading {text!r} cannot be read; write NM:REFLECTANCE or "
                          "NM:REFLECTANCE:ERROR, and NM/FWHM in place of NM for a band of that "
                          "width in nm")
-    return sample.reading_at(nm, values[0], values[1] if len(values) == 2 else sample.READING_ERROR,
+    return sample.reading_at(nm, values[0], values[1] if len(values) == 2 else READING_ERROR,
                              fwhm_nm)

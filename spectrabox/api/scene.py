@@ -18,6 +18,7 @@ from spectrabox.calibrate.trust import certain_glare
 from spectrabox.capture.photo.preview import AS_READ
 from spectrabox.measure import texts
 from spectrabox.measure.captured import (
+    CURVES_ERROR,
     SceneCapture,
 )
 from spectrabox.measure.pictures.texture_files import textures_of
@@ -44,8 +45,6 @@ from spectrabox.reconstruct.scene.scene_xml import recovered_xml
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-CURVES_ERROR = 0.02                 # of signals predicted from measured curves
 
 
 class SceneSpectra(MeasuredSpectra):

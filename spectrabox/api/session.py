@@ -58,7 +58,7 @@ class Session(Mapping[str, estimate.Estimate]):
         """
         problems = check_session(self.folder, self._allow_outside).problems
         if problems:
-            raise CheckError("\n".join(problem.sentence for problem in problems))
+            raise CheckError("\n".join(problems))
 
     @threads_given_back()
     def run(self, *, device: str = "auto", force: bool = False,

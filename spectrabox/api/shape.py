@@ -17,6 +17,7 @@ from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.calibrate.chart_calibration import calibration_from_curves
 from spectrabox.calibrate.geometry import colmap_model, lens
 from spectrabox.capture.photo import preview
+from spectrabox.measure.captured import CURVES_ERROR
 from spectrabox.measure.estimate import Estimate
 from spectrabox.measure.signals import sample, signal_capture
 from spectrabox.measure.signals.options import SampleOptions
@@ -48,7 +49,6 @@ if TYPE_CHECKING:
 
 OBJECT = "object"           # id of the shape in scenes
 LEAST_PHOTOS = 3
-CURVES_ERROR = 0.02         # of signals predicted from measured curves
 SHAPE_COEFFICIENTS = 9      # of the spectrum that moves along with the shape
 STEPS = tuple(stage.steps for stage in shape_fit.STAGES)
 SQUARE = 1e-3               # relative difference of a camera's focal lengths in x and y
