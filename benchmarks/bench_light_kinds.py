@@ -98,7 +98,7 @@ def run(database: CameraDatabase, kind: int, cases: int,
                          GRID, database.names[camera])
         case = simulated(curves, lamps.spectra[lamp],
                          tests[rng.choice(len(tests), SURFACES, replace=False)], rng)
-        found = fit_products([case.photo], prior, rest, GRID, "unknown light")
+        found, _ = fit_products([case.photo], prior, rest, GRID, "unknown light")
         nodes, truth, error = products_found(case, found)
         errors.append(np.abs(nodes - truth) / np.maximum(error / WIDENING, EXACT))
         rows.append(judged(case, prior, rest, found))

@@ -100,7 +100,7 @@ def run(database: CameraDatabase, lamps: np.ndarray, error: tuple[float, float],
             photo, white, field = photographed(curves, lamp, error, kind == "stated", rng)
             try:
                 fit = fit_with_prior([photo], prior, GRID) if kind == "stated" else fit_products(
-                    [photo], prior, known, GRID, "unknown light").fit
+                    [photo], prior, known, GRID, "unknown light")[0]
             except CheckError:
                 continue
             of_kind.append(judged(fit, photo, white, field,

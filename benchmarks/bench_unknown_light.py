@@ -24,7 +24,7 @@ from spectrabox.calibrate.doubts import CONTRADICTS, evidence_on_spectrum
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.learnt_prior import CameraDatabase, read_camera_database
 from spectrabox.calibrate.products.lamps import Lamps, all_lamps
-from spectrabox.calibrate.products.product_fit import ProductFit, fit_products
+from spectrabox.calibrate.products.product_fit import fit_products
 from spectrabox.calibrate.sensitivity import PriorFit, fit_with_prior
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
@@ -78,33 +78,33 @@ def simulated(curves: np.ndarray, lamp: np.ndarray, surfaces: np.ndarray,
 
 
 def judged(case: Case, cameras: CameraPrior, lamps: Lamps,
-           fitted: ProductFit | None = None) -> dict[str, float]:
+           fitted: PriorFit | None = None) -> dict[str, float]:
     """Errors and bands of one case, nothing known and everything known; ``fitted`` if it is."""
     start = time.process_time()
-    found = fitted or fit_products([case.photo], cameras, lamps, GRID, "unknown light")
+    found = fitted or fit_products([case.photo], cameras, lamps, GRID, "unknown light")[0]
     seconds = time.process_time() - start
     nodes, truth, error = products_found(case, found)
     true = _true(case)
-    unknown = _recovered(case, found.fit, np.ones_like(GRID.nm))
+    unknown = _recovered(case, found, np.ones_like(GRID.nm))
     known = summaries(load_prior(), case.products @ TO_PRIOR, case.signals / case.level,
                       {"all": _diagonal(NOISE * case.signals / case.level)}, LEVEL)
     row: dict[str, float] = {
         "products_error": float(np.mean(np.linalg.norm(nodes - truth, axis=1)
                                         / np.linalg.norm(truth, axis=1))),
         "products_hold": float(np.mean(np.abs(nodes - truth) < 1.645 * error)),
-        "seconds": seconds, "chi_square": found.fit.chi_square}
+        "seconds": seconds, "chi_square": found.chi_square}
     for name, answer in (("unknown", unknown), ("known", known)):
         row[f"rmse_{name}"] = float(np.sqrt(np.mean((answer.mean - true) ** 2, axis=1)).mean())
         row[f"holds_{name}"] = float(np.mean((answer.lower <= true) & (true <= answer.upper)))
     return row
 
 
-def products_found(case: Case, found: ProductFit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def products_found(case: Case, found: PriorFit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Products (K, N) of a fit, the true ones, and their stated standard errors; bands sum to 1.
 
     By wavelengths of the fit: what a lamp's lines do within 5 nm no reflectance tells.
     """
-    fit = found.fit.sensitivity
+    fit = found.sensitivity
     assert fit.basis is not None and fit.coefficients is not None and fit.covariance is not None
     mass = GRID.weights_nm @ fit.basis
     weight = (fit.coefficients * mass).sum(axis=1)[:, None]

@@ -106,9 +106,8 @@ def estimate_jointly(
         As ``fit_with_prior``.
     """
     if isinstance(light, spectra.UnknownLight) and cameras.source != camera_prior.SMOOTH_SOURCE:
-        products = product_fit.fit_products(photos, cameras, lamps.lamps_like(light), grid,
-                                            light.words, excluded)
-        return products.fit, products.light
+        return product_fit.fit_products(photos, cameras, lamps.lamps_like(light), grid,
+                                        light.words, excluded)
     return sensitivity.fit_with_prior(photos, cameras, grid, excluded=excluded), None
 
 

@@ -229,12 +229,13 @@ class SceneView(View):
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """What is stated of a surface."""
+    """What is stated of a surface, such as a material of a scene."""
 
     families: tuple[str, ...] = ()          # that it is one of; none where nobody said
     surface: str | None = None              # "matt", "satin" or "glossy"
     known: np.ndarray | None = None         # (P,) measured reflectance, taken as given
     truth: spectra.Spectrum | None = None           # measured, only compared with
+    bsdf: str = ""                          # of a material of a scene: id of its BSDF there
 
     @property
     def given(self) -> np.ndarray | None:
@@ -263,13 +264,6 @@ def error_of_known(known: spectra.Spectrum) -> float:
         return TYPED_ERROR if np.ptp(known.values) < SAME else READ_ERROR
     stated = np.sqrt(np.mean(known.standard_error**2) / np.mean(known.values**2))
     return float(np.hypot(stated, READ_ERROR))
-
-
-@dataclass(frozen=True, eq=False)
-class Material(Surface):
-    """A material of a scene."""
-
-    bsdf: str = ""                          # id of its BSDF in the scene
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -428,7 +422,7 @@ class SceneCapture(Capture):
     """Photos of a scene whose geometry and lamps are known."""
 
     views: tuple[SceneView, ...]
-    materials: Mapping[str, Material]
+    materials: Mapping[str, Surface]
     inversion: options.Inversion = field(default_factory=options.Inversion)
     scale_from_chart: bool = True           # else from a material of known spectrum
     # what comments of scenes in files say that was estimated, by the names of the files

@@ -6,8 +6,6 @@ fitted with smoothness alone, as under a known light; a lamp's narrow lines are 
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from spectrabox.calibrate import chart_equations, copy_errors, held_out_patches, sensitivity
@@ -25,19 +23,12 @@ WIDENING = 1.27             # of standard errors: benchmarks/bench_light_kinds.p
 MAX_HYPOTHESES, MAX_COMPONENTS = 3, 200     # that a fit without a patch is computed with
 
 
-@dataclass(frozen=True)
-class ProductFit:
-    """The fit of products in the form of every other, and what is known of the light."""
-
-    fit: sensitivity.PriorFit
-    light: calibration.LightPosterior
-    posterior: product_posterior.ProductPosterior
-
-
 def fit_products(photos: list[chart_equations.ChartEquations], cameras: camera_prior.CameraPrior,
                  lamps: Lamps, grid: spectra.WavelengthGrid, light_words: str,
-                 excluded: chart_equations.ChartEquations | None = None) -> ProductFit:
-    """Products of sensitivity and light, exposure, field and glare of chart photos under one light.
+                 excluded: chart_equations.ChartEquations | None = None
+                 ) -> tuple[sensitivity.PriorFit, calibration.LightPosterior]:
+    """Products of sensitivity and light, exposure, field and glare of chart photos under one light,
+    in the form of every other fit, and what is known of the light.
 
     Parameters
     ----------
@@ -82,7 +73,7 @@ def fit_products(photos: list[chart_equations.ChartEquations], cameras: camera_p
                                                              for state in states[1:])),
                      share, (), curves.model_error, float(chi_square), without,
                      copy_errors.Explained(np.exp(best.log_weights), best.seen, best.inverse))
-    return ProductFit(joint, light, posterior)
+    return joint, light
 
 
 def _as_curves(posterior: product_posterior.ProductPosterior,

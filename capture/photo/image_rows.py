@@ -162,21 +162,20 @@ def open_channels(path: str | os.PathLike[str]) -> tuple[list[str], int, int,
 
 
 def _zarr_rows(path: Path) -> PictureRows:
-    picture = open_zarr(path)
-    height, width, bands = picture.shape
+    (height, width, bands), chunk_rows, dtype, read_rows = open_zarr(path)
     if bands < 3:
         raise InputError(f"{path.name} has {bands} band(s); at least 3 are needed")
-    full = np.iinfo(picture.dtype).max if picture.dtype.kind == "u" else 1
+    full = np.iinfo(dtype).max if dtype.kind == "u" else 1
 
     def read(first: int, last: int) -> np.ndarray:
-        signal = picture.read(first, last).astype(np.float32)
+        signal = read_rows(first, last).astype(np.float32)
         if full != 1:
             signal /= np.float32(full)
         stored_images.require_finite(path.name, signal)
         return signal
 
     return PictureRows(height, width, bands,
-                       strips.read_by_strips(read, height, picture.chunk_rows), picture.chunk_rows)
+                       strips.read_by_strips(read, height, chunk_rows), chunk_rows)
 
 
 def _held(path: Path) -> PictureRows:

@@ -178,28 +178,28 @@ def _stated_bytes(tags: dict[str, Any]) -> tuple[int, int] | None:
     return height * -(-width * int(sum(listed[4])) // 8), int(sum(listed[5]))
 
 
-@dataclass(frozen=True)
-class StatedLevels:
-    """Black and white level that a picture states for its values, in units of the file."""
-
-    black: tuple[float, ...]        # of the samples of each pixel of a tile; empty: not stated
-    repeat: tuple[int, int]         # rows and columns of the tile, from the first pixel
-    white: tuple[float, ...]        # of each sample of a pixel, or one for all; empty likewise
-
-
-def stated_levels(path: Path) -> StatedLevels:
-    """The levels of a TIFF, which has them in the tags of a DNG (Adobe DNG 1.4): multispectral
-    cameras and scanners write them. None of them in other files.
+def stated_levels(path: Path) -> tuple[tuple[float, ...], tuple[int, int], tuple[float, ...]]:
+    """The levels that a TIFF states for its values, in units of the file, in the tags of a DNG
+    (Adobe DNG 1.4): multispectral cameras and scanners write them. None of them in other files.
 
     Parameters
     ----------
     path : Path
+
+    Returns
+    -------
+    black : tuple of float
+        Of the samples of each pixel of a tile; empty: not stated.
+    repeat : (rows, columns)
+        Of the tile, from the first pixel.
+    white : tuple of float
+        Of each sample of a pixel, or one for all; empty likewise.
     """
     with path.open("rb") as file:
         tiff = _tiff_header(file)
         tags = {} if tiff is None else _numbers_of(file, *tiff, LEVEL_TAGS)
     black, white = (tuple(map(float, tags.get(tag, []))) for tag in (BLACK, WHITE))
-    return StatedLevels(black, _sides(tags.get(BLACK_REPEAT, [])), white)
+    return black, _sides(tags.get(BLACK_REPEAT, [])), white
 
 
 class _Layout(NamedTuple):

@@ -161,9 +161,10 @@ class PictureHeader:
         """
         if self.file_format != "tiff":
             return None
-        stated, channels, bands = stated_levels(self.path), self.spec.nchannels, self.bands
-        rows, columns = stated.repeat if stated.black else (1, 1)
-        black, white = np.array(stated.black or (0.0,)), np.array(stated.white or (
+        channels, bands = self.spec.nchannels, self.bands
+        stated_black, repeat, stated_white = stated_levels(self.path)
+        rows, columns = repeat if stated_black else (1, 1)
+        black, white = np.array(stated_black or (0.0,)), np.array(stated_white or (
             float(self.full_scale()),))
         if black.size not in (rows * columns, rows * columns * channels) \
                 or white.size not in (1, channels):

@@ -112,7 +112,7 @@ class _Reader:
                       lights_by_id={name: self.read(read_known_light, inputs, light)
                                     for name, light in view.lights_by_id.items()})
             for view in shoot.all_views)
-        materials = {name: captured.Material(**self._surface(section), bsdf=section.bsdf or name)
+        materials = {name: captured.Surface(**self._surface(section), bsdf=section.bsdf or name)
                      for name, section in shoot.materials.items()}
         files = dict.fromkeys(view.scene for view in shoot.all_views if view.scene is not None)
         return captured.SceneCapture(views=views, materials=materials,

@@ -131,13 +131,13 @@ def render_report(results: SessionResults) -> Report:
     cards = answer_cards(result.surfaces, result.verdict.doubts, result.advice)
     links = {card.surface.name: (card.id, card.index) for card in cards}
     if isinstance(result, FlatResult):
-        kind = _flat_page(result, results, links)
+        sections, numbers = _flat_sections(result, results, links), flat_numbers(result)
     else:
-        kind = _scene_page(result, results, links)
-    content = _content(results, kind, cards)
+        sections, numbers = _scene_sections(result, results, links), scene_numbers(result)
+    content = sections | _content(results, cards)
     failed = different((*result.failed_extras, *content.pop("failed"),
                         *(missing.failed for missing in _of_kind(content, svg.MissingDrawing))))
-    written = json_for_script(report_numbers(results) | kind.numbers | {
+    written = json_for_script(report_numbers(results) | numbers | {
         "failed_extras": [extras.facts(one) for one in failed],
         "plots": {drawing.name: {"title": drawing.heading, "axes": drawing.axes}
                   for drawing in _of_kind(content, svg.Drawing)},
@@ -171,32 +171,16 @@ def _texts(*files: Path) -> Markup:
     return Markup("\n".join(file.read_text(encoding="utf-8") for file in files))
 
 
-@dataclass(frozen=True)
-class KindOfPage:
-    """What only the page of one kind of capture shows."""
-
-    scene: bool
-    surfaces: str                   # heading of its surfaces
-    numbers: dict[str, Any]         # of its JSON
-    sections: dict[str, Any]        # for its templates, by the names that they know
-    chart_overlay: bool             # whether the chart is shown on a picture of its own
-    pictures: dict[str, Path]       # by title
-    files: tuple[tuple[str, str], ...] = ()     # beside the page, and what is in each
-
-
-def _flat_page(result: FlatResult, results: SessionResults,
-               links: Mapping[str, tuple[str, int]]) -> KindOfPage:
-    """Photos with regions and light."""
+def _flat_sections(result: FlatResult, results: SessionResults,
+                   links: Mapping[str, tuple[str, int]]) -> dict[str, Any]:
+    """Photos with regions and light, for the templates."""
     photos = [PhotoSection(photo, figures.photo_figure(
                                f"photo-{number}", photo, results.previews[photo.view], links,
                                results.calibrated.get(photo.view)),
                            figures.light_figure(f"light-map-{number}", photo),
                            _whiskers(photo), photo.view in results.calibrated)
               for number, photo in enumerate(result.photos, start=1)]
-    return KindOfPage(scene=False, surfaces="Regions", numbers=flat_numbers(result),
-                      sections={"photos": photos, "geometry": None},
-                      chart_overlay=all(photo.chart_px is None for photo in result.photos),
-                      pictures={})
+    return {"photos": photos, "geometry": None}
 
 
 def _whiskers(photo: PhotoOfRegions) -> dict[str, Markup]:
@@ -206,25 +190,20 @@ def _whiskers(photo: PhotoOfRegions) -> dict[str, Markup]:
     return drawn if failed is None else dict.fromkeys(photo.light, svg.MissingDrawing(failed))
 
 
-def _scene_page(result: SceneResult, results: SessionResults,
-                links: Mapping[str, tuple[str, int]]) -> KindOfPage:
-    """Photo against rendering, geometry, convergence."""
+def _scene_sections(result: SceneResult, results: SessionResults,
+                    links: Mapping[str, tuple[str, int]]) -> dict[str, Any]:
+    """Photo against rendering, geometry, convergence, for the templates."""
     fit = result.reconstruction
     views = [(view, _agreement_section(f"-{number}", view.reconstruction, view.calibration,
                                        view.bands),
               light_figure(f"light-{number}", view.calibration.light,
                            view.calibration.light_posterior))
              for number, view in enumerate(result.views, start=2)]
-    return KindOfPage(
-        scene=True, surfaces="Materials", numbers=scene_numbers(result), sections={
-            "agreement": _agreement_section("", fit, result.calibration, result.bands),
-            "surface_map": maps.surface_figure("surfaces", fit), "views": views, "linked_photo":
-            maps.linked_photo("photo", fit, result.calibration, links), "geometry":
-            maps.geometry_section(result.geometry,
-                                  results.previews), "loss": loss_figure("loss", fit.loss_history)
-        }, chart_overlay=True,
-        pictures={f"photo {view.name}": results.previews[view.name]
-                  for view in result.views}, files=(("materials.xml", "for Mitsuba"), ))
+    return {"agreement": _agreement_section("", fit, result.calibration, result.bands),
+            "surface_map": maps.surface_figure("surfaces", fit), "views": views,
+            "linked_photo": maps.linked_photo("photo", fit, result.calibration, links),
+            "geometry": maps.geometry_section(result.geometry, results.previews),
+            "loss": loss_figure("loss", fit.loss_history)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,11 +217,16 @@ class PhotoSection:
     calibrated: bool                # whether the photo is shown in the colours of the calibration
 
 
-def _content(results: SessionResults, kind: KindOfPage, cards: list[Card]) -> dict[str, Any]:
-    """What the templates of the page know, by name."""
+def _content(results: SessionResults, cards: list[Card]) -> dict[str, Any]:
+    """What the templates of the page know of every capture, by name."""
     result, verdict = results.found, results.found.verdict
-    files = dict(kind.pictures)
-    if kind.chart_overlay and result.chart is not None:
+    files: dict[str, Path] = {}
+    chart_shown = False         # among the photos of the samples
+    if isinstance(result, FlatResult):
+        chart_shown = any(photo.chart_px is not None for photo in result.photos)
+    else:
+        files = {f"photo {view.name}": results.previews[view.name] for view in result.views}
+    if result.chart is not None and not chart_shown:
         files["chart"] = results.chart_overlay
     pictures, missing = {}, []
     for title, path in (files | dict(results.picture_maps)).items():
@@ -253,8 +237,10 @@ def _content(results: SessionResults, kind: KindOfPage, cards: list[Card]) -> di
             missing.append(failed)
     chart, failed_chart = attempt("section on the chart", lambda: chart_section(result), None)
     light = result.calibration.light
-    return kind.sections | {
-        "results": results, "found": result, "verdict": verdict, "kind": kind,
+    return {
+        "results": results, "found": result, "verdict": verdict,
+        "scene": isinstance(result, SceneResult),
+        "surfaces_word": f"{result.surface_word.capitalize()}s",
         "pictures": pictures, "picture": result.picture,
         "failed": [*missing, *(() if failed_chart is None else (failed_chart,))],
         "bands": list(zip(result.bands, band_colours(result.bands), strict=True)),
@@ -263,7 +249,7 @@ def _content(results: SessionResults, kind: KindOfPage, cards: list[Card]) -> di
         "level": next((surface.summary.level for surface in result.surfaces
                        if surface.summary is not None), None),
         "truths": any(surface.scores is not None for surface in result.surfaces),
-        "files": _files(result, kind),
+        "files": _files(result),
         "chart": chart, "held_out_rms": held_out_rms(result),
         "sensitivity_figure": sensitivity_figure("sensitivity", result.calibration.sensitivity,
                                                  result.bands, results.sensitivity_truth),
@@ -272,10 +258,12 @@ def _content(results: SessionResults, kind: KindOfPage, cards: list[Card]) -> di
         }
 
 
-def _files(result: CaptureResult, kind: KindOfPage) -> list[tuple[str, str]]:
+def _files(result: CaptureResult) -> list[tuple[str, str]]:
     """Files next to the page that hold the spectra, and what is in each."""
     files = [("spectra.csv", "means, bands and bounds"), ("materials.csv", "colours"),
-             ("spdx/", "one IES TM-27 file a surface"), *kind.files]
+             ("spdx/", "one IES TM-27 file a surface")]
+    if isinstance(result, SceneResult):
+        files.append(("materials.xml", "for Mitsuba"))
     if result.picture is not None:
         files.append((f"{result.picture_folder}/{result.picture.files[0]}",
                       "a spectrum for every pixel"))

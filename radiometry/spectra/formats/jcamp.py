@@ -9,7 +9,7 @@ refusing it, and does not read squeezed values that are repeated.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -34,22 +34,6 @@ OTHER_DATA = {"PEAKTABLE": "a table of peaks", "PEAKASSIGNMENTS": "a list of pea
               "NTUPLES": "NTUPLES", "RADATA": "an interferogram", "XYDATA": "XYDATA"}
 
 
-@dataclass(frozen=True)
-class _Block:
-    """One block of a file: its labelled data, and the lines of its table."""
-
-    labels: dict[str, str] = field(default_factory=dict)
-    lines: list[str] = field(default_factory=list)
-
-    @property
-    def form(self) -> str | None:
-        """``EVEN`` or ``PAIRS``; None of a block without a spectrum."""
-        stated = [re.sub(r"\s", "", self.labels[key]).upper() for key in TABLES
-                  if key in self.labels]
-        return next((form for form in (EVEN, PAIRS) for each in stated if each.startswith(form)),
-                    None)
-
-
 def is_jcamp(text: str) -> bool:
     """Whether text begins as JCAMP-DX does."""
     start = text[:4000].lstrip("\ufeff \t\r\n").upper()
@@ -72,15 +56,15 @@ def read_jcamp(content: bytes, path: Path) -> measurement_table.SpectralTable:
         If it holds no spectrum, an axis in another unit, or fails a check of its own.
     """
     blocks = _blocks(measurement_table.text_of(content, path.name))
-    spectra = [block for block in blocks if block.form is not None]
+    spectra = [(labels, lines) for labels, lines in blocks if _form(labels) is not None]
     if not spectra:
-        other = next((what for block in blocks for key, what in OTHER_DATA.items()
-                      if key in block.labels), "no XYDATA and no XYPOINTS")
+        other = next((what for labels, _ in blocks for key, what in OTHER_DATA.items()
+                      if key in labels), "no XYDATA and no XYPOINTS")
         raise InputError(f"{path.name} is JCAMP-DX that holds {other}; a spectrum as XYDATA or "
                          "XYPOINTS is needed")
-    columns = [_curve(block, path.name) for block in spectra]
-    titles = measurement_table.distinct([block.labels.get("TITLE", "") or "spectrum"
-                                         for block in spectra])
+    columns = [_curve(labels, lines, path.name) for labels, lines in spectra]
+    titles = measurement_table.distinct([labels.get("TITLE", "") or "spectrum"
+                                         for labels, _ in spectra])
     processed = [index for index, title in enumerate(titles) if "PROCESSED" in title.upper()]
     first = processed[0] if len(processed) == 1 else 0
     nm = columns[first][0]
@@ -88,76 +72,88 @@ def read_jcamp(content: bytes, path: Path) -> measurement_table.SpectralTable:
     notes = () if len(kept) == len(columns) else (
         f"{len(columns) - len(kept)} of its {len(columns)} spectra have other wavelengths and were "
         "left out",)
-    column_facts = {titles[index]: _stated(spectra[index]) for index in kept}
-    source = " ".join((spectra[first].labels.get("ORIGIN") or path.name).split())
+    column_facts = {titles[index]: _stated(spectra[index][0]) for index in kept}
+    source = " ".join((spectra[first][0].get("ORIGIN") or path.name).split())
     return measurement_table.SpectralTable(
         nm, tuple(titles[index] for index in kept), np.array([columns[index][1] for index in kept]),
         {"source": source}, path.name,
         titles[first] if len(kept) > 1 and len(processed) == 1 else None, column_facts, notes)
 
 
-def _blocks(text: str) -> list[_Block]:
-    blocks = [_Block()]
+def _form(labels: Mapping[str, str]) -> str | None:
+    """``EVEN`` or ``PAIRS``; None of a block without a spectrum."""
+    stated = [re.sub(r"\s", "", labels[key]).upper() for key in TABLES if key in labels]
+    return next((form for form in (EVEN, PAIRS) for each in stated if each.startswith(form)), None)
+
+
+def _blocks(text: str) -> list[tuple[dict[str, str], list[str]]]:
+    """Of each block of a file: its labelled data, and the lines of its table."""
+    blocks: list[tuple[dict[str, str], list[str]]] = [({}, [])]
     label = ""
     for raw in text.splitlines():
+        labels, lines = blocks[-1]
         line = raw.partition("$$")[0].rstrip()
         match = re.match(r"\s*##([^=]*)=(.*)", line)
         if match is None:
             if label in TABLES:
-                blocks[-1].lines.append(line)
+                lines.append(line)
             elif label and line.strip():
-                blocks[-1].labels[label] += f" {line.strip()}"
+                labels[label] += f" {line.strip()}"
             continue
         label = re.sub(r"[\s\-/_]", "", match[1]).upper()
-        if label == "TITLE" and blocks[-1].labels:
-            blocks.append(_Block())
+        if label == "TITLE" and labels:
+            labels = {}
+            blocks.append((labels, []))
         if label == "END":
             label = ""
-            blocks.append(_Block())
+            blocks.append(({}, []))
             continue
-        blocks[-1].labels[label] = match[2].strip()
+        labels[label] = match[2].strip()
     return blocks
 
 
-def _curve(block: _Block, name: str) -> tuple[np.ndarray, np.ndarray]:
+def _curve(labels: Mapping[str, str], lines: list[str],
+           name: str) -> tuple[np.ndarray, np.ndarray]:
     """Wavelengths (P,) in nm, ascending as the file has them, and values (P,)."""
-    if "NMR" in (kind := block.labels.get("DATATYPE", "")).upper():
+    if "NMR" in (kind := labels.get("DATATYPE", "")).upper():
         raise InputError(f"{name} holds an {kind}; a spectrum of light is needed")
-    unit, unknown = units.stated_axis(block.labels.get("XUNITS", ""), is_unit=True)
+    unit, unknown = units.stated_axis(labels.get("XUNITS", ""), is_unit=True)
     if unit is None:
         raise InputError(f"{name} states its axis in {unknown or 'no unit (XUNITS)'!r}; an axis in "
                          f"{', '.join(units.TO_NM)} is read")
-    commas = any(re.search(r"\d,\d", block.labels.get(key, "")) for key in (
+    commas = any(re.search(r"\d,\d", labels.get(key, "")) for key in (
         "FIRSTX", "LASTX", "FIRSTY", "MAXX", "MINX", "MAXY", "MINY"))
-    lines = [re.sub(r"(\d),(\d)", r"\1.\2", line) if commas else line for line in block.lines]
-    axis, values = _pairs(block, lines, name) if block.form == PAIRS else _even(block, lines, name,
-                                                                                commas)
-    order = np.argsort(axis, kind="stable") if block.form == PAIRS and axis.size > 1 \
+    lines = [re.sub(r"(\d),(\d)", r"\1.\2", line) if commas else line for line in lines]
+    form = _form(labels)
+    axis, values = _pairs(labels, lines, name) if form == PAIRS \
+        else _even(labels, lines, name, commas)
+    order = np.argsort(axis, kind="stable") if form == PAIRS and axis.size > 1 \
         and not np.all(np.diff(axis) < 0) else np.arange(axis.size)
     nm = units.to_nm(axis[order], unit)
-    return nm, values[order] * _factor(block, "YFACTOR", name, commas)
+    return nm, values[order] * _factor(labels, "YFACTOR", name, commas)
 
 
-def _pairs(block: _Block, lines: list[str], name: str) -> tuple[np.ndarray, np.ndarray]:
+def _pairs(labels: Mapping[str, str], lines: list[str],
+           name: str) -> tuple[np.ndarray, np.ndarray]:
     numbers = [float(token) if token != "?" else np.nan
                for line in lines for token in PLAIN.findall(line)]
     if len(numbers) < 4 or len(numbers) % 2:
         raise InputError(f"{name}: its XYPOINTS hold {len(numbers)} numbers, which are no pairs; "
                          "the file is cut")
     pairs = np.array(numbers).reshape(-1, 2)
-    return pairs[:, 0] * _factor(block, "XFACTOR", name), pairs[:, 1]
+    return pairs[:, 0] * _factor(labels, "XFACTOR", name), pairs[:, 1]
 
 
-def _even(block: _Block, lines: list[str], name: str,
+def _even(labels: Mapping[str, str], lines: list[str], name: str,
           commas: bool) -> tuple[np.ndarray, np.ndarray]:
     """Evenly spaced points of XYDATA, each line of which begins with its first abscissa."""
-    first, last, count = (_label(block, key, name, commas) for key in ("FIRSTX", "LASTX",
+    first, last, count = (_label(labels, key, name, commas) for key in ("FIRSTX", "LASTX",
                                                                       "NPOINTS"))
     if not 2 <= count <= MAX_POINTS or count != int(count) or first == last:
         raise InputError(f"{name} states {count:g} points from {first:g} to {last:g}; at least two "
                          "are needed")
     axis = np.linspace(first, last, int(count))
-    factor = _factor(block, "XFACTOR", name, commas)
+    factor = _factor(labels, "XFACTOR", name, commas)
     step = abs(last - first) / (count - 1)
     squeezed = any(SQUEEZED_FORM.search(line) for line in lines)
     values: list[float] = []
@@ -224,24 +220,24 @@ def _ordinates(line: str, squeezed: bool, most: int, name: str) -> tuple[float, 
     return float(tokens[0][2]), values, difference is not None
 
 
-def _label(block: _Block, key: str, name: str, commas: bool) -> float:
-    text = block.labels.get(key, "")
+def _label(labels: Mapping[str, str], key: str, name: str, commas: bool) -> float:
+    text = labels.get(key, "")
     value = measurement_table.number(text.replace(",", ".") if commas else text)
     if not np.isfinite(value):
         raise InputError(f"{name}: XYDATA need {key}, which is {text!r}; export the file again")
     return value
 
 
-def _factor(block: _Block, key: str, name: str, commas: bool = True) -> float:
-    if key not in block.labels:
+def _factor(labels: Mapping[str, str], key: str, name: str, commas: bool = True) -> float:
+    if key not in labels:
         return 1.0
-    value = _label(block, key, name, commas)
+    value = _label(labels, key, name, commas)
     if value == 0:
         raise InputError(f"{name}: {key} is 0; export the file again")
     return value
 
 
-def _stated(block: _Block) -> dict[str, str]:
-    quantity, unit = units.stated_values(block.labels.get("YUNITS", ""), is_unit=True)
+def _stated(labels: Mapping[str, str]) -> dict[str, str]:
+    quantity, unit = units.stated_values(labels.get("YUNITS", ""), is_unit=True)
     return {key: value for key, value in (("quantity", quantity), ("unit", unit))
             if value is not None}

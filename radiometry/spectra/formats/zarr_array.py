@@ -11,7 +11,6 @@ import contextlib
 import json
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ import numpy as np
 
 from spectrabox.radiometry.appearance import TO_SRGB, adapted_tristimulus
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
-from spectrabox.radiometry.files import sync, whole_folder
+from spectrabox.radiometry.files import whole_folder
 from spectrabox.radiometry.spectra.spectral_layers import QUANTITY
 from spectrabox.radiometry.system.strips import WriteRows, written_by_strips
 
@@ -34,23 +33,22 @@ WAVELENGTHS = "wavelengths_nm"
 PLAIN_NAME = re.compile(r"\w[\w.-]*")     # of an array: no way out of the folder
 
 
-@dataclass(frozen=True)
-class ZarrPicture:
-    """An array of a picture, open for reading."""
-
-    shape: tuple[int, int, int]                 # (H, W, C)
-    chunk_rows: int
-    dtype: np.dtype[Any]
-    read: Callable[[int, int], np.ndarray]      # (first, last) -> (last - first, W, C)
-
-
-def open_zarr(path: Path) -> ZarrPicture:
-    """A picture (H, W, C) of numbers.
+def open_zarr(path: Path) -> tuple[tuple[int, int, int], int, np.dtype[Any],
+                                   Callable[[int, int], np.ndarray]]:
+    """A picture of numbers, open for reading.
 
     Parameters
     ----------
     path : Path
         Folder of one array (y, x, bands), or of an OME-Zarr image (c, y, x).
+
+    Returns
+    -------
+    shape : (H, W, C)
+    chunk_rows : int
+    dtype : numpy.dtype
+    read : function of (first, last)
+        Rows (last - first, W, C).
 
     Raises
     ------
@@ -77,8 +75,8 @@ def open_zarr(path: Path) -> ZarrPicture:
             raise _unreadable(path, error) from None
 
     height, width, bands = np.roll(array.shape, -1 if bands_first else 0).tolist()
-    return ZarrPicture((height, width, bands), (array.shards or array.chunks)[int(bands_first)],
-                       array.dtype, read)
+    return ((height, width, bands), (array.shards or array.chunks)[int(bands_first)],
+            array.dtype, read)
 
 
 @contextlib.contextmanager
@@ -153,34 +151,6 @@ def _ome_metadata(name: str, nm: np.ndarray, white: float) -> dict[str, Any]:
             for index, (wavelength, hue) in enumerate(zip(nm, hues, strict=True))]}}
 
 
-@dataclass(frozen=True)
-class ZarrRegion:
-    """An array that several processes write to, each into whole shards."""
-
-    write: Callable[[int, int, np.ndarray], None]       # first row, first column, (n, m, C)
-    sync: Callable[[int, int], None]                    # first and last row: onto the disk
-    dtype: np.dtype[Any]
-
-
-def open_region(folder: Path) -> ZarrRegion:
-    """The array of an image that was created, open for writing."""
-    array = _library().open_array(str(folder / LEVEL), mode="r+")
-
-    def write(row: int, column: int, pixels: np.ndarray) -> None:
-        rows, columns = (slice(start, start + count) for start, count in
-                         zip((row, column), pixels.shape[:2], strict=True))
-        array[:, rows, columns] = np.moveaxis(pixels, 2, 0)
-
-    def synced(first: int, last: int) -> None:
-        shards = folder / LEVEL / "c" / "0"     # names of the specification
-        for row in range(first // CHUNK_PX, -(-last // CHUNK_PX)):
-            for path in (shards / str(row)).rglob("*"):
-                if path.is_file():
-                    sync(path)
-
-    return ZarrRegion(write, synced, array.dtype)
-
-
 def _ome_level(path: Path) -> tuple[Path, tuple[str, ...] | None]:
     """The array of highest resolution of an OME-Zarr image with its axes; another folder itself,
     and no axes."""
@@ -211,9 +181,13 @@ def _opened(path: Path) -> Any:
 
 @contextlib.contextmanager
 def _rows_of(folder: Path, shape: tuple[int, int, int]) -> Iterator[WriteRows]:
-    region = open_region(folder)
-    with written_by_strips(lambda first, strip: region.write(first, 0, strip), shape, CHUNK_PX,
-                           region.dtype) as take:
+    """A function that writes the next rows of the array of an image that was created."""
+    array = _library().open_array(str(folder / LEVEL), mode="r+")
+
+    def write(first: int, strip: np.ndarray) -> None:
+        array[:, first:first + len(strip)] = np.moveaxis(strip, 2, 0)
+
+    with written_by_strips(write, shape, CHUNK_PX, array.dtype) as take:
         yield take
 
 
