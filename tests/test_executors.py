@@ -77,7 +77,7 @@ def test_no_more_run_at_once_than_memory_allows(total, at_once):
 def test_a_task_too_large_for_any_worker_is_not_run():
     executor, workers = inline_workers(worker_bytes=2**29)
     results = results_of(workers, [Square(1, needed_bytes=2**30), Square(2, needed_bytes=2**20)])
-    assert "1024 MiB of memory are needed and a worker has 512 MiB" in results[1].why
+    assert "1024 MiB of memory are needed and a worker has 512 MiB" in str(results[1])
     assert results[2] == 4 and len(executor.tasks) == 1
 
 

@@ -200,7 +200,7 @@ def test_what_check_says_of_a_mark_is_said_before_it_is_written(flat, tmp_path, 
     assert (folder / "session.toml").read_bytes() == before
     (folder / "session.toml").write_text(marked(session.read()[0], a_mark(**mark)))
     problems = check_session(folder).problems
-    assert str(refused.value).splitlines() == [one.sentence for one in problems]
+    assert str(refused.value).splitlines() == [*problems]
 
 
 @pytest.mark.parametrize("before", ["\ufeff", ""])

@@ -183,4 +183,4 @@ def test_corners_of_a_box_are_clicked_by_their_names(captured, opened):
     assert camera.keys() == {"fov_deg", "corners_px"} and camera["corners_px"].keys() == seen.keys()
     for name, at in seen.items():
         np.testing.assert_allclose(camera["corners_px"][name], at, atol=1)
-    assert check_session(captured).problems == []
+    assert not check_session(captured).problems

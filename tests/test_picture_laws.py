@@ -17,7 +17,7 @@ from spectrabox.capture.photo.registration import resampled
 from spectrabox.measure.pictures import photo_white as references
 from spectrabox.measure.pictures import pixel_spectra, scene_light
 from spectrabox.measure.pictures.crop import Crop
-from spectrabox.measure.pictures.illumination import Illumination, even_light, light_adaptation
+from spectrabox.measure.pictures.illumination import Illumination, adapted_signals, even_light
 from spectrabox.measure.pictures.lit_photo import GREY, LitPhoto
 from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
 from spectrabox.measure.pictures.pixel_flags import CLIPPED, SEEN
@@ -161,15 +161,23 @@ def test_spectra_are_expected_behind_signals_as_draws_of_the_prior_have_them():
     tinted = response * np.linspace(0.7, 1.3, 61)
     light = Illumination(np.ones((1, 2)), np.ones((2, 1)), np.array([response, tinted]),
                          np.array([[0.8, 0.2]]), np.zeros(1, int))
-    found = light_adaptation(light, prior)
     mean, covariance = reflectance_moments(prior)
     rng = np.random.default_rng(4)
     drawn = rng.multivariate_normal(mean, covariance, 40_000)
     signals = drawn @ light.responses[0].T + 0.01 * rng.standard_normal((40_000, 3))
     shown = np.einsum("qkp,np->nqk", light.shapes, drawn).reshape(40_000, 6)
-    slopes = np.linalg.lstsq(signals - found.centre[0], shown - found.mean.ravel(), rcond=None)[0]
-    # 40 000 draws know a slope to 0.5 % or better
-    np.testing.assert_allclose(found.gain[0].reshape(6, 3), slopes.T, atol=0.03)
+    centre, middle = light.responses[0] @ mean, light.shapes @ mean
+    slopes = np.linalg.lstsq(signals - centre, shown - middle.ravel(), rcond=None)[0]
+    # a standard deviation away from the mean of each band
+    some = centre + np.diag(np.sqrt(np.diag(np.cov(signals.T))))
+    under = middle + ((some - centre) @ slopes).reshape(3, 2, 3)
+    white, typical = light.shapes.sum(axis=2), light.typical[0]
+    for own, maps in enumerate(np.eye(2)):
+        expected = some - under[:, own] / white[own] + (typical @ under) / (typical @ white)
+        found = adapted_signals(some, light, np.tile(maps, (3, 1)), None,
+                                (mean, covariance))
+        # 40 000 draws know a slope to 0.5 % or better
+        np.testing.assert_allclose(found, expected, atol=0.01 * np.abs(some - centre).max())
 
 
 def test_what_is_uncertain_of_the_light_on_a_node_adds_up_as_variances(monkeypatch):
@@ -279,8 +287,7 @@ def test_a_mid_grey_errs_at_a_pixel_by_the_root_of_its_nodes_variance():
         white=white, glare=np.zeros(3), responses=np.ones((1, 3, 61)),
         gloss=gloss_states("matt", ["lamp"] * 3),
         between=lambda first, last: csr_array(np.ones(((last - first) * 50, 1))),
-        light=SimpleNamespace(maps=np.ones((1, 1))),
-        adaptation=SimpleNamespace(signals=lambda signals, maps, kind: signals))
+        light=SimpleNamespace(maps=np.ones((1, 1)), typical=np.ones((1, 1))), moments=None)
     pixels = LitPhoto(lit_photo(rng), errors)
     block = pixels.block(0, 2)
     np.testing.assert_allclose(block.grey_error**2, pixels.grey_variance[0], rtol=1e-6)

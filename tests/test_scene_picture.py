@@ -254,7 +254,7 @@ def test_the_report_shows_the_picture_and_why_pixels_are_missing(finished):
 def test_the_demo_of_a_picture_is_a_session_that_is_ready_to_run(tmp_path):
     folder = tmp_path / "demo"
     write_picture_demo(folder, size=(104, 156), spp=4)
-    assert check_session(folder).problems == []
+    assert not check_session(folder).problems
     with pytest.raises(InputError, match="already holds"):
         write_picture_demo(folder)
     both = CliRunner().invoke(app, ["demo", str(tmp_path / "none"), "--flat", "--picture"])

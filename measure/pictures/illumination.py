@@ -14,8 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.cluster.vq import kmeans2, vq
 
-from spectrabox.sampling.prior.mixture import LogitMixture, reflectance_moments
-
 MAX_RANK, MAX_LEFT_OUT = 8, 5e-4   # shapes; share of a light's strength that they may miss
 MAX_TYPICAL = 4                 # colours: more change spectra by 1 % of their error
 SAME = 2e-3                     # relative: lights closer than this have one colour
@@ -45,57 +43,39 @@ class Illumination:
         return np.asarray(responses / responses.sum(axis=2, keepdims=True))
 
 
-@dataclass(frozen=True)
-class LightAdaptation:
-    """Change of signals from the light of a pixel to its typical colour, for the spectra that a
-    prior expects.
+def adapted_signals(signals: np.ndarray, light: Illumination, maps: np.ndarray,
+                    kind: np.ndarray | None,
+                    moments: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """Signals (n, K) as they would be under the typical colour of each pixel, for the spectra that
+    a prior expects, to first order ``mean + gain (signal - response mean)``.
 
-    To first order the expected spectrum is ``mean + gain (signal - response mean)``.
+    Parameters
+    ----------
+    signals : (n, K) array
+        Relative to white under the pixels' own light.
+    light : Illumination
+    maps : (n, Q) array
+        At the pixels; 0 where one has no known light.
+    kind : (n,) int array or None
+        Index of the typical colour of each pixel; None where there is one.
+    moments : (61,) and (61, 61) arrays
+        Mean and covariance of reflectances, from ``mixture.reflectance_moments``.
     """
-
-    light: Illumination
-    mean: np.ndarray            # (Q, K) signals of the prior's mean under each shape
-    gain: np.ndarray            # (J, Q, K, K) change of these by a signal under a typical colour
-    centre: np.ndarray          # (J, K) signal of the prior's mean under the typical colours
-
-    def signals(self, signals: np.ndarray, maps: np.ndarray,
-                kind: np.ndarray | None) -> np.ndarray:
-        """Signals (n, K) as they would be under the typical colour of each pixel.
-
-        Parameters
-        ----------
-        signals : (n, K) array
-            Relative to white under the pixels' own light.
-        maps : (n, Q) array
-            0 where a pixel has no known light.
-        kind : (n,) int array or None
-            Index of the typical colour of each pixel; None where there is one.
-        """
-        if len(self.light.typical) == 1 and maps.shape[1] == 1:
-            return signals
-        adapted = np.empty_like(signals)
-        white = self.light.shapes.sum(axis=2)
-        for number, typical in enumerate(self.light.typical):
-            some = np.arange(len(signals)) if kind is None else np.flatnonzero(kind == number)
-            away = signals[some] - self.centre[number]
-            under = self.mean + np.einsum("qkl,nl->nqk", self.gain[number], away)
-            irradiance = maps[some] @ white
-            own = np.einsum("nq,nqk->nk", maps[some], under) \
-                / np.where(irradiance > 0, irradiance, 1.0)
-            adapted[some] = signals[some] - own + (typical @ under) / (typical @ white)
-        return adapted
-
-
-def light_adaptation(light: Illumination, prior: LogitMixture) -> LightAdaptation:
-    """The adaptation of signals under the lights of a picture to its typical colours."""
-    mean, covariance = reflectance_moments(prior)
-    responses = light.responses
-    gains = []
-    for response in responses:
+    if len(light.typical) == 1 and maps.shape[1] == 1:
+        return signals
+    mean, covariance = moments
+    white = light.shapes.sum(axis=2)
+    adapted = np.empty_like(signals)
+    for number, (typical, response) in enumerate(zip(light.typical, light.responses, strict=True)):
+        some = np.arange(len(signals)) if kind is None else np.flatnonzero(kind == number)
         seen = response @ covariance
         gain = np.linalg.solve(seen @ response.T + EXPECTED**2 * np.eye(len(response)), seen).T
-        gains.append(np.einsum("qkp,pl->qkl", light.shapes, gain))
-    return LightAdaptation(light, light.shapes @ mean, np.array(gains), responses @ mean)
+        under = light.shapes @ mean + np.einsum(    # each shape, (n, Q, K)
+            "qkl,nl->nqk", light.shapes @ gain, signals[some] - response @ mean)
+        irradiance = maps[some] @ white
+        own = np.einsum("nq,nqk->nk", maps[some], under) / np.where(irradiance > 0, irradiance, 1.0)
+        adapted[some] = signals[some] - own + (typical @ under) / (typical @ white)
+    return adapted
 
 
 def even_light(response: np.ndarray, nodes: int) -> Illumination:

@@ -14,7 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure.pictures import pixel_errors, pixel_flags, pixel_spectra, shown_bands
+from spectrabox.measure.pictures import (
+    illumination,
+    pixel_errors,
+    pixel_flags,
+    pixel_spectra,
+    shown_bands,
+)
 from spectrabox.radiometry.error_model import Errors
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.sampling.prior import mixture, mixture_posterior, uplift_table
@@ -143,8 +149,9 @@ class LitPhoto:
             per_row = weights.nnz // weights.shape[0]
             at = np.argmax(weights.data.reshape(-1, per_row), axis=1)
             light = errors.light.kind[weights.indices.reshape(-1, per_row)[np.arange(at.size), at]]
-        signals = errors.adaptation.signals(measured / white, weights @ errors.light.maps,
-                                            None if self.shown is not None else light)
+        signals = illumination.adapted_signals(
+            measured / white, errors.light, weights @ errors.light.maps,
+            None if self.shown is not None else light, errors.moments)
         # without a node there is no light to be known
         grey_error = np.sqrt(np.where(variance > 0, variance, 1.0))
         flags = np.zeros(len(measured), np.uint8) if self.flags is None \

@@ -66,14 +66,14 @@ class PixelErrors:
         return self.light.responses
 
     @cached_property
+    def moments(self) -> tuple[np.ndarray, np.ndarray]:
+        """Mean (61,) and covariance (61, 61) of reflectances by the prior."""
+        return reflectance_moments(self.prior)
+
+    @cached_property
     def by_gloss(self) -> np.ndarray:
         """Covariance (K, K) of signals by what surfaces mirror."""
         return np.asarray(self.gloss.pattern @ self.gloss.covariance @ self.gloss.pattern.T)
-
-    @cached_property
-    def adaptation(self) -> illumination.LightAdaptation:
-        """How signals are adapted to the typical lights."""
-        return illumination.light_adaptation(self.light, self.prior)
 
     def white_at(self, weights: csr_array) -> White:
         """White at the pixels (n) of some weights of the nodes."""
@@ -140,8 +140,8 @@ class PixelErrors:
         seen = np.ones(signals.shape[1], bool) if seen is None else seen
         spectra = np.empty((len(signals), PRIOR_GRID.nm.size))
         noise = of_seen(EXPECTED**2 * np.eye(signals.shape[1]), seen)
-        gain, response = local_posteriors.informative_bands(reflectance_moments(self.prior)[1],
-                                           self.responses[light], noise)
+        gain, response = local_posteriors.informative_bands(self.moments[1],
+                                                            self.responses[light], noise)
         for start in range(0, len(signals), EXPECTED_AT_ONCE):
             some = signals[start:start + EXPECTED_AT_ONCE]
             mixture = mixture_posterior.posterior(self.prior, response, some @ gain.T,

@@ -119,8 +119,8 @@ def loss_figure(name: str, history: np.ndarray) -> Markup | None:
     plot.line(steps, height, "#1f4e8c", 1.3, stated=history)
     start, end = number(float(history[0]), 3), number(float(history[-1]), 3)
     digits = int(np.clip(4 - np.floor(np.log10(max(float(np.abs(history).min()), 1e-12))), 3, 14))
-    return plot.drawn("Loss history", f"The loss fell from {start} to {end}.",
-                      svg.Readout(steps.astype(float), {"loss": history}, "Iteration", "", digits))
+    plot.readout(steps.astype(float), {"loss": history}, "Iteration", "", digits)
+    return plot.drawn("Loss history", f"The loss fell from {start} to {end}.")
 
 
 def power_of_ten(value: float) -> str:

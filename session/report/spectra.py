@@ -95,9 +95,10 @@ def spectrum_figure(name: str, surface: surface_result.SurfaceResult) -> Markup:
     if truth is not None:
         plot.line(nm, truth, plots.TRUTH, 1.3, svg.DOTTED, "measured truth")
     shown = svg.plain_line(surface.name)
+    plot.readout(nm, curves, "Wavelength", "nm")
     return plot.drawn(f"Reflectance of {shown}", f"Reflectance of {shown} over "
                       "wavelength with what is known of its uncertainty; the table below holds the "
-                      "numbers.", svg.Readout(nm, curves, "Wavelength", "nm"))
+                      "numbers.")
 
 
 @svg.figure("the sensitivities")
@@ -139,8 +140,8 @@ def sensitivity_figure(name: str, fit: calibration.SensitivityFit, bands: tuple[
         if truth is not None:
             series[f"{band} measured"] = np.interp(nm, truth[0], truth[1][k], left=np.nan,
                                                    right=np.nan)
-    return plot.drawn("Camera sensitivities", "Sensitivity of each camera band over wavelength.",
-                      svg.Readout(nm, series, "Wavelength", "nm"))
+    plot.readout(nm, series, "Wavelength", "nm")
+    return plot.drawn("Camera sensitivities", "Sensitivity of each camera band over wavelength.")
 
 
 @svg.figure("the light")
@@ -172,8 +173,8 @@ def light_figure(name: str, light: spectra.Spectrum,
         plot.areas(nm, *band, plots.QUIET, 0.3)
     plot.line(nm, values, plots.INK, 1.5)
     digits = int(np.clip(3 - np.floor(np.log10(max(float(np.abs(values).max()), 1e-30))), 0, 12))
-    return plot.drawn("Light spectrum", f"{quantity} over wavelength.",
-                      svg.Readout(nm, series, "Wavelength", "nm", digits))
+    plot.readout(nm, series, "Wavelength", "nm", digits)
+    return plot.drawn("Light spectrum", f"{quantity} over wavelength.")
 
 
 def _over_wavelengths(name: str, nm: np.ndarray, limits: tuple[float, float], quantity: str,

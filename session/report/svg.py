@@ -8,7 +8,6 @@ from __future__ import annotations
 import functools
 import unicodedata
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numpy as np
@@ -76,17 +75,6 @@ def figure(words: str) -> Callable[[Callable[Arguments, Figure]],
     return marked
 
 
-@dataclass(frozen=True)
-class Readout:
-    """What the pointer reads off a figure: the value of every series at one x."""
-
-    x: np.ndarray                     # (P,) ascending
-    series: dict[str, np.ndarray]     # label -> (P,)
-    x_name: str
-    x_unit: str
-    digits: int = 3
-
-
 class Plot:
     """A figure that is being drawn: each mark is written as it is added, over those before it.
 
@@ -111,7 +99,7 @@ class Plot:
         self.x_limits, self.y_limits = x_limits, y_limits
         self._under, self._marks, self._over = list[str](), list[str](), list[str]()
         self._legend = list[tuple[str, str]]()
-        self._role = "img"
+        self._role, self._readout = "img", Markup("")
         self._numbers: dict[str, Any] = {
             "x_limits": rounded(x_limits), "y_limits": rounded(y_limits), "x_name": "",
             "y_name": "", "lines": [], "bars": [], "curves": []}
@@ -272,15 +260,35 @@ class Plot:
                 f'{_stroke("M-1 6L6 -1M-1 1L1 -1M4 6L6 4", line, 0.5)}</pattern></defs>')
         self.rectangle(corners, f"url(#{pattern})")
 
-    def drawn(self, title: str, description: str, readout: Readout | None = None) -> Drawing:
+    def readout(self, x: np.ndarray, series: dict[str, np.ndarray], x_name: str, x_unit: str,
+                digits: int = 3) -> None:
+        """Let the pointer read off the value of every series at one x.
+
+        Parameters
+        ----------
+        x : (P,) array
+            Ascending.
+        series : dict of (P,) arrays
+            By label.
+        x_name, x_unit : str
+        digits : int
+        """
+        numbers = {
+            "box": self.box, "limits": self.x_limits, "name": x_name, "unit": x_unit,
+            "digits": digits, "x": np.round(x, 3),
+            "series": [[label, np.round(np.asarray(y, dtype=float), digits + 1)]
+                       for label, y in series.items()]}
+        self._readout = Markup('<script type="application/json" class="readout">{}</script><output>'
+                               'Point at the plot to read its values.</output>').format(
+                                   json_for_script(numbers))
+
+    def drawn(self, title: str, description: str) -> Drawing:
         """The figure as an HTML fragment, its legend above.
 
         Parameters
         ----------
         title, description : str
             What a screen reader says.
-        readout : Readout, optional
-            What the pointer reads off.
         """
         left, top, right, bottom = self.box
         legend, rows = self._laid_out()
@@ -298,8 +306,7 @@ class Plot:
         wide = self.width > NARROW
         content = Markup('<div class="plot-box{}" id="{}"{}>{}{}</div>').format(
             " wide" if wide else "", self.name,
-            Markup(' tabindex="0"') if wide and readout is None else "", svg,
-            self._readout_html(readout))
+            Markup(' tabindex="0"') if wide and not self._readout else "", svg, self._readout)
         plotted = any(self._numbers[kind] for kind in ("lines", "bars", "curves"))
         return Drawing(content, self.name, title, [self._numbers] if plotted else [])
 
@@ -321,18 +328,6 @@ class Plot:
                  f'{symbol}{_text(SYMBOL + 4, 0, label, "start")}</g>'
                  for number, row in enumerate(rows) for x, symbol, label in row]
         return "".join(parts), len(rows)
-
-    def _readout_html(self, readout: Readout | None) -> Markup:
-        if readout is None:
-            return Markup("")
-        numbers = {
-            "box": self.box, "limits": self.x_limits, "name": readout.x_name,
-            "unit": readout.x_unit, "digits": readout.digits, "x": np.round(readout.x, 3),
-            "series": [[label, np.round(np.asarray(y, dtype=float), readout.digits + 1)]
-                       for label, y in readout.series.items()],
-            }
-        return Markup('<script type="application/json" class="readout">{}</script><output>Point at '
-                      'the plot to read its values.</output>').format(json_for_script(numbers))
 
 
 def path(x: np.ndarray, y: np.ndarray) -> str:

@@ -266,7 +266,7 @@ def save_stage(folder: Path, key: dict[str, Any], records: Any, seconds: float,
              "records": pack(records, "", arrays)}
     with files.writable(folder.parent):
         save_arrays(folder / ARRAYS, arrays)
-        (folder / FACTS).write_text(json.dumps(facts, indent=1, sort_keys=True), encoding="utf-8")
+        (folder / FACTS).write_text(json.dumps(facts, indent=1), encoding="utf-8")
 
 
 def copy_stage(stored: StoredStage, folder: Path) -> None:
