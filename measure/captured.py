@@ -280,7 +280,7 @@ class Capture(ABC):
     sampling: options.Sampling = field(default_factory=options.Sampling)
     picture: options.PictureOptions | None = None
     finish: options.Surface = None          # of surfaces of which nothing else is stated
-    seed: int = 1
+    seed: int
 
     # light and chart in their positions, where known
     chart_scene: scene_file.SceneFile | None = None

@@ -176,7 +176,8 @@ def test_curves_named_after_other_bands_than_the_photo_has_are_refused(tmp_path,
     write_exr(tmp_path / "a.exr", np.full((20, 20, 3), 0.5), tuple(channels))
     photo = {"": (InputFile("a.exr", tmp_path / "a.exr"),)}
     capture = FlatCapture(views=(View("", photo, photo, UnknownLight(), "unknown"),), chart=None,
-                          regions={}, sensitivity=Sensitivity(np.ones((3, 301)), tuple(columns),
+                          regions={}, seed=1,
+                          sensitivity=Sensitivity(np.ones((3, 301)), tuple(columns),
                                                               "c.csv"))
     if refused:
         with pytest.raises(InputError, match=r"a\.exr has the channels R, G, B, and the curves of"):

@@ -46,6 +46,7 @@ from spectrabox.measure.captured import Capture, FlatCapture
 from spectrabox.measure.estimate import Estimate
 from spectrabox.measure.more_bands import filter_fit, joined_errors
 from spectrabox.measure.records import CaptureRecords
+from spectrabox.measure.signals.options import SampleOptions
 from spectrabox.measure.surfaces.surface_signals import alone
 from spectrabox.radiometry import error_model, errors, grid
 from spectrabox.radiometry.records import spectra
@@ -200,7 +201,7 @@ def _of_reading(surface: _Surface) -> Advice:
 
 
 def advice_on_signal(measured: spectra.SpectralMeasurement, prior: mixture.LogitMixture,
-                     level: float = 0.95, *, found: Outlook | None = None,
+                     level: float = SampleOptions.level, *, found: Outlook | None = None,
                      curves: np.ndarray | None = None, present: np.ndarray | None = None,
                      hand: filter_fit.AtHand | None = None) -> tuple[Advice, ...]:
     """What to do next of a surface of which signals are known, and what they err by; further photos

@@ -17,12 +17,13 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from spectrabox.capture.photo.image_rows import exr_rows
 from spectrabox.measure.pictures import pixel_spectra
+from spectrabox.measure.shoot.options import PictureFormat
 from spectrabox.radiometry.appearance import TO_SRGB, adapted_tristimulus
 from spectrabox.radiometry.files import writable
 from spectrabox.radiometry.records.spectra import Quantity
@@ -41,7 +42,6 @@ RESPONSES = "spectrabox:bandResponses"
 OF_WIDTH = ("fwhm is that of the wavelength grid on which spectra are estimated, not what the "
             "camera resolves; how well each value is known is in standard_deviation")
 BRIGHTEST = {MEAN: 1.0, DEVIATION: 0.2}     # as viewers show them at first
-Format = Literal["exr", "tiled-exr", "envi", "zarr"]
 SUFFIXES = {"exr": ".exr", "tiled-exr": ".exr", "envi": ".hdr", "zarr": ZARR}
 
 Rows = TypeVar("Rows")
@@ -52,7 +52,7 @@ Made = TypeVar("Made")
 class PictureLayout(pixel_spectra.KeptWavelengths):
     """The wavelengths that are written, and the format of the files; ENVI's are single floats."""
 
-    form: Format = "exr"
+    form: PictureFormat = "exr"
 
     def paths(self, folder: Path) -> dict[str, Path]:
         """The file of the mean and that of the standard deviation."""

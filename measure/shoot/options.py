@@ -113,6 +113,7 @@ def _published_light(written: Any) -> Any:
 
 
 LightName = Annotated[str, BeforeValidator(_published_light)]
+PictureFormat = Literal["exr", "tiled-exr", "envi", "zarr"]
 
 
 class PictureOptions(checked_tables.Table):
@@ -127,7 +128,7 @@ class PictureOptions(checked_tables.Table):
                                     "which colours are shown")
     step_nm: Literal[5, 10, 15, 20, 25, 30, 50, 60] = Field(
         10, description="between wavelengths of the mean")
-    format: Literal["exr", "tiled-exr", "envi", "zarr"] = Field(
+    format: PictureFormat = Field(
         "exr", description="of the spectra: spectral EXR of scan lines or tiles, ENVI images or "
         "OME-Zarr images")
     family: str | checked_tables.ListOf[str] | None = Field(

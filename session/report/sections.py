@@ -44,28 +44,14 @@ def rendered_surfaces(fit: Reconstruction) -> list[RenderedSurface]:
 
 
 @dataclass(frozen=True)
-class PatchBand:
-    """One band of a chart patch: its signal as measured and as predicted."""
-
-    measured: float
-    error: float                    # standard, of the patch's mean
-    predicted: float
-    residual: float                 # (measured - predicted) / measured
-    held_out: float | None          # the same of a fit without this patch
-
-    @property
-    def off(self) -> bool:
-        """Whether it is worth a mark."""
-        return abs(self.residual) > SURFACE_OFF
-
-
-@dataclass(frozen=True)
 class ChartPatch:
     """A row of the table of patches."""
 
     number: int
     name: str
-    bands: list[PatchBand]
+    # of each band: signal measured, its standard error, signal predicted, residual (measured -
+    # predicted) / measured, the same of a fit without this patch, and whether to mark the first
+    bands: list[tuple[float, float, float, float, float | None, bool]]
     saturated: float                # share of its pixels in the worst band
 
 
@@ -154,8 +140,8 @@ def _patches(chart: ChartResult, residuals: np.ndarray,
     without = np.full(residuals.shape, None) if held_out is None else held_out
     rows = []
     for index, name in enumerate(chart.layout.names):
-        bands = [PatchBand(float(measured), float(error), float(predicted), float(residual),
-                           None if other is None else float(other))
+        bands = [(float(measured), float(error), float(predicted), float(residual),
+                  None if other is None else float(other), abs(float(residual)) > SURFACE_OFF)
                  for measured, error, predicted, residual, other
                  in zip(chart.samples.mean[index], chart.samples.standard_error[index],
                         chart.predicted[index], residuals[index], without[index], strict=True)]

@@ -98,7 +98,7 @@ def _on_signal(request: AdviseRequest, hand: AtHand | None) -> tuple[dict[str, A
     capture = SignalCapture(response, base.signal[None], ("",), np.ones(bands),
                             np.sqrt(np.diag(base.noise_covariance)), more=taken)
     [estimate] = sample_signals(capture, SampleOptions())
-    each = advise.advice_on_signal(joined(base, taken), mixture.load_prior(), SampleOptions.level,
+    each = advise.advice_on_signal(joined(base, taken), mixture.load_prior(),
                             found=advise.stated_outlook(estimate),
                             curves=named_spectra.sensitivities(sensitivity, FINE_GRID),
                             present=named_spectra.light(light, FINE_GRID), hand=hand)
