@@ -177,8 +177,7 @@ def test_curves_named_after_other_bands_than_the_photo_has_are_refused(tmp_path,
     photo = {"": (InputFile("a.exr", tmp_path / "a.exr"),)}
     capture = FlatCapture(views=(View("", photo, photo, UnknownLight(), "unknown"),), chart=None,
                           regions={}, seed=1,
-                          sensitivity=Sensitivity(np.ones((3, 301)), tuple(columns),
-                                                              "c.csv"))
+                          sensitivity=Sensitivity(np.ones((3, 301)), tuple(columns), "c.csv"))
     if refused:
         with pytest.raises(InputError, match=r"a\.exr has the channels R, G, B, and the curves of"):
             opened_photos.require_curves_of_bands(capture)

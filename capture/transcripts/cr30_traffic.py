@@ -50,29 +50,15 @@ class Step:
             before_s = packet.time_s
 
 
-@dataclass(frozen=True)
-class Traffic:
-    """The steps in order, and what of a recording is in none of them."""
-
-    steps: tuple[Step, ...]
-    problems: tuple[str, ...]
-
-    def transcript(self, facts: dict[str, str], file: str) -> Transcript:
-        """A transcript that a player plays to our driver.
-
-        Parameters
-        ----------
-        facts : dict
-            Of the recording.
-        file : str
-        """
-        return Transcript({**facts, "instrument": cr30.Cr30.name,
-                           "line": str(cr30.Cr30.line_settings.baud)},
-                          tuple(event for step in self.steps for event in step.events()), file)
+def as_our_driver_has_it(recording: Transcript, steps: Sequence[Step]) -> Transcript:
+    """The transcript of the steps of a recording that a player plays to our driver."""
+    return Transcript({**recording.facts, "instrument": cr30.Cr30.name,
+                       "line": str(cr30.Cr30.line_settings.baud)},
+                      tuple(event for step in steps for event in step.events()), recording.file)
 
 
-def cr30_traffic(transcript: Transcript) -> Traffic:
-    """The steps of a recording.
+def cr30_traffic(transcript: Transcript) -> tuple[list[Step], list[str]]:
+    """The steps of a recording in order, and what of it is in none of them.
 
     Parameters
     ----------
@@ -94,7 +80,7 @@ def cr30_traffic(transcript: Transcript) -> Traffic:
         problems.insert(0, f"{lost} bytes of the instrument belong to no whole packet")
     if not any(step.what == "measure" for step in steps):
         problems.append("the recording holds no whole measurement")
-    return Traffic(tuple(steps), tuple(problems))
+    return steps, problems
 
 
 def _packets(events: Sequence[Event], direction: str) -> tuple[list[Packet], int]:

@@ -26,7 +26,7 @@ from spectrabox.capture.meter.instruments.drivers import driver_named
 from spectrabox.capture.meter.instruments.instrument_errors import InstrumentError
 from spectrabox.capture.meter.instruments.interface import Identity, MeterSettings
 from spectrabox.capture.meter.serial_line import Pace
-from spectrabox.capture.transcripts.cr30_traffic import cr30_traffic
+from spectrabox.capture.transcripts.cr30_traffic import as_our_driver_has_it, cr30_traffic
 from spectrabox.capture.transcripts.transcript import Transcript, TranscriptWriter
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.spectra.readings import SpectralReading
@@ -402,18 +402,18 @@ def _ending_as_recorded(player: TranscriptPlayer,
 
 def _replay_cr30(transcript: Transcript, speed: float, over_socket: bool) -> Played:
     """Play what a CR30 said, to whatever program it said it."""
-    traffic = cr30_traffic(transcript)
+    steps, problems = cr30_traffic(transcript)
     scale = 1 / speed if speed else 0.0
     pace = Pace(scale or AT_ONCE, shortest_limit_s=PLAYED_LIMIT_S)
-    player = TranscriptPlayer(traffic.transcript(transcript.facts, transcript.file),
-                              time_scale=scale, over_socket=over_socket)
+    player = TranscriptPlayer(as_our_driver_has_it(transcript, steps), time_scale=scale,
+                              over_socket=over_socket)
     identity = UNKNOWN_CR30
     readings: list[SpectralReading] = []
     # the player after the line is open: a press of the button may be the first that is heard
     with measurement.open_instrument(Cr30.name, player.port, lambda direction, data: None,
                                      pace) as meter, player:
         assert isinstance(meter, Cr30)
-        for step in traffic.steps:
+        for step in steps:
             if step.what == "connect":
                 identity = meter.identify()
             elif step.what in meter.calibrations:
@@ -423,7 +423,7 @@ def _replay_cr30(transcript: Transcript, speed: float, over_socket: bool) -> Pla
                 readings.append(
                     measurement.take_reading(meter, identity, transcript=transcript.file))
     return Played(Cr30.name, "synthetic" in transcript.facts, tuple(readings),
-                  (*traffic.problems, *player.problems))
+                  (*problems, *player.problems))
 
 
 def settings_text(wanted: MeterSettings) -> str:

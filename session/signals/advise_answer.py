@@ -99,9 +99,9 @@ def _on_signal(request: AdviseRequest, hand: AtHand | None) -> tuple[dict[str, A
                             np.sqrt(np.diag(base.noise_covariance)), more=taken)
     [estimate] = sample_signals(capture, SampleOptions())
     each = advise.advice_on_signal(joined(base, taken), mixture.load_prior(),
-                            found=advise.stated_outlook(estimate),
-                            curves=named_spectra.sensitivities(sensitivity, FINE_GRID),
-                            present=named_spectra.light(light, FINE_GRID), hand=hand)
+                                   found=advise.stated_outlook(estimate),
+                                   curves=named_spectra.sensitivities(sensitivity, FINE_GRID),
+                                   present=named_spectra.light(light, FINE_GRID), hand=hand)
     facts, text = _answer(Advised(each), taken=[measured.name for measured in taken])
     caveats = [*map(texts.says, unstated(white, noise))]
     if caveats:
