@@ -204,7 +204,6 @@ class SceneView(View):
     """One photo of a scene."""
 
     scene: scene_file.SceneFile | BoxPhoto
-    scene_name: str | None = None           # of its file; None of a box with measures
     lights_by_id: Mapping[str, spectra.Spectrum] = field(default_factory=dict)
     lens: Lens | None = None                # by which the photo is undistorted
     scale: calibration.LightScale | None = None         # of its light, where it is known beforehand

@@ -119,18 +119,6 @@ def plot_sensitivities(axes: Axes, nm: np.ndarray, curves: np.ndarray,
     axes.set_ylabel("Sensitivity (highest peak = 1)")
 
 
-def plot_light(axes: Axes, nm: np.ndarray, values: np.ndarray,
-               band: tuple[np.ndarray, np.ndarray] | None = None,
-               quantity: str = "Relative spectral power") -> None:
-    """Draw a light spectrum (P,), with its band (lower, upper) where there is one."""
-    axes.plot(nm, values, color=INK, lw=1.5)
-    if band is not None:
-        axes.fill_between(nm, *band, color=QUIET, alpha=0.3, lw=0)
-    frame_wavelengths(axes, nm)
-    axes.set(ylabel=quantity, ylim=(0, None))
-    axes.yaxis.set_major_formatter(lambda value, _: f"{value:.3g}")
-
-
 def plot_matrices(entries: Axes, errors: Axes, compared: ComparedMatrices) -> None:
     """Draw matrices of one camera side by side: their nine entries, and CIEDE2000 of the chart and
     of fresh surfaces, mean (dot) and high percentile (ring), one standard deviation either side.

@@ -38,7 +38,6 @@ class PictureRows:
     width: int
     bands: int
     read: Callable[[int, int], np.ndarray]      # (first, last) -> (last - first, W, K) float32
-    rows_at_once: int = 1       # of its tiles or chunks: read and unpacked together
 
 
 def open_rows(path: Path) -> PictureRows:
@@ -72,8 +71,7 @@ def open_rows(path: Path) -> PictureRows:
         raise InputError(f"photo {path.name} has {len(bands)} band(s) "
                          f"({', '.join(header.names)}); at least 3 are needed")
     stored_images.require_decodable(path, spec, _rows_at_once(file), stored_images.LINEAR_BYTES)
-    return PictureRows(spec.height, spec.width, len(bands), _reader(path, file, bands, header),
-                       spec.tile_height or 1)
+    return PictureRows(spec.height, spec.width, len(bands), _reader(path, file, bands, header))
 
 
 def _rows_at_once(file: Any) -> int:
@@ -175,7 +173,7 @@ def _zarr_rows(path: Path) -> PictureRows:
         return signal
 
     return PictureRows(height, width, bands,
-                       strips.read_by_strips(read, height, chunk_rows), chunk_rows)
+                       strips.read_by_strips(read, height, chunk_rows))
 
 
 def _held(path: Path) -> PictureRows:

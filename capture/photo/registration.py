@@ -79,12 +79,12 @@ def register(first: Edges, other: Edges,
     chart_px : two (I, 4, 2) arrays, optional
         Patches of the chart in both photos, where both show it.
     """
-    matrix, correlation = _by_edges(first, other)
+    matrix = _by_edges(first, other)
     if matrix is None:
         return None
     middle = (np.array(first.size.shape[1::-1]) * first.sensor_step - 1) / 2
     shift = matrix[:, :2] @ middle + matrix[:, 2] - middle
-    registration = Registration(matrix, float(np.hypot(*shift)), correlation,
+    registration = Registration(matrix, float(np.hypot(*shift)),
                                 _residual(first, _brought_back(other, matrix)), None)
     if chart_px is None:
         return registration
@@ -255,10 +255,8 @@ def _require_registered(registration: Registration, own_motion: Mapping[str, flo
         raise CheckError(_CHART_MOVED.format(first=first, other=other, distance=chart))
 
 
-def _by_edges(first: Edges, other: Edges) -> tuple[np.ndarray | None, float]:
-    """Motion (2, 3) between pixels of the sensor and correlation of the edges; None where no band
-    has enough of them.
-    """
+def _by_edges(first: Edges, other: Edges) -> np.ndarray | None:
+    """Motion (2, 3) between pixels of the sensor; None where no band has enough edges."""
     window = cv2.createHanningWindow(first.size.shape[1::-1], cv2.CV_32F)
     (across, down), _ = cv2.phaseCorrelate(first.all_bands, other.all_bands, window)
     start = np.array([[1, 0, across], [0, 1, down]], np.float32)
@@ -268,12 +266,11 @@ def _by_edges(first: Edges, other: Edges) -> tuple[np.ndarray | None, float]:
                              np.ascontiguousarray(other.size[..., band]), start) for band in bands)
             if correlation > MIN_CORRELATION]
     if not seen:
-        return None, 0.0
+        return None
     # the error of a motion falls as the correlation nears 1
     weights = np.array([correlation**2 / max(1 - correlation**2, 1e-3) for _, correlation in seen])
     matrix = np.average([matrix for matrix, _ in seen], axis=0, weights=weights)
-    return (_at_full_resolution(matrix, first.sensor_step),
-            max(correlation for _, correlation in seen))
+    return _at_full_resolution(matrix, first.sensor_step)
 
 
 def _brought_back(other: Edges, matrix: np.ndarray) -> np.ndarray:

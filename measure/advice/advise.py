@@ -172,18 +172,18 @@ def _of_flat_sample(sample: flat_actions.FlatPhotos, surface: _Surface) -> list[
     unknown, capture = surface.unknown, sample.capture
     name = unknown.signals.names[0]
     forecasts: dict[str, Callable[[], Outlook]] = {
-        CHART_NEARER: lambda: outlook_after(unknown, flat_actions.with_chart_nearer(sample, name))}
+        CHART_NEARER: lambda: outlook_after(unknown,
+                                            sample.signals(name, place=flat_actions.NEARER))}
     if not sample.known:
-        forecasts[WHITE_CARD] = lambda: outlook_after(unknown,
-                                                      flat_actions.with_white_card(sample, name))
+        forecasts[WHITE_CARD] = lambda: outlook_after(unknown, sample.signals(name, card=True))
     if not capture.development.flat_fields:
         forecasts[FLAT_FIELD] = lambda: outlook_after(unknown,
-                                                      flat_actions.with_flat_field(sample, name))
+                                                      sample.signals(name, flat_field=True))
     if not capture.lamp_moved:
         forecasts[LAMP_MOVED] = lambda: outlook_after(flat_actions.with_level(unknown),
                                                       flat_actions.with_lamp_moved(sample, name))
     if surface.stated is None and surface.matt > LIKELY:
-        forecasts[MATT] = lambda: outlook_stated(unknown, flat_actions.stated_matt(sample, name))
+        forecasts[MATT] = lambda: outlook_stated(unknown, sample.signals(name, surface="matt"))
     advised = []
     for action, forecast in forecasts.items():
         # with smaller errors than now, a known region may contradict the chart: nobody is told to

@@ -109,26 +109,6 @@ def flat_photos_of(capture: FlatCapture, records: CaptureRecords) -> FlatPhotos:
                       capture.band_names(records.photo.bands), known_of_signals(capture, records))
 
 
-def with_white_card(sample: FlatPhotos, name: str) -> spectra.SurfaceSignals:
-    """A region with a white card of known reflectance beside it in every photo."""
-    return sample.signals(name, card=True)
-
-
-def with_chart_nearer(sample: FlatPhotos, name: str) -> spectra.SurfaceSignals:
-    """A region right beside the chart in every photo."""
-    return sample.signals(name, place=NEARER)
-
-
-def with_flat_field(sample: FlatPhotos, name: str) -> spectra.SurfaceSignals:
-    """A region in photos that were divided by that of a white card in the samples' place."""
-    return sample.signals(name, flat_field=True)
-
-
-def stated_matt(sample: FlatPhotos, name: str) -> spectra.SurfaceSignals:
-    """A region that is stated to be matt."""
-    return sample.signals(name, surface="matt")
-
-
 def with_lamp_moved(sample: FlatPhotos, name: str) -> spectra.SurfaceSignals:
     """A region with one photo more, under the first lamp in another place.
 

@@ -107,7 +107,7 @@ class _Reader:
         lens = None if shoot.camera.lens is None else self.read(
             lambda name: read_lens(inputs.path(name)), shoot.camera.lens)
         views = tuple(
-            captured.SceneView(**self._view(view), lens=lens, scene_name=view.scene,
+            captured.SceneView(**self._view(view), lens=lens,
                       scene=self.read(stated_scene, shoot, inputs, view),
                       lights_by_id={name: self.read(read_known_light, inputs, light)
                                     for name, light in view.lights_by_id.items()})

@@ -98,18 +98,6 @@ def errors_by_cause(signals: spectra.SurfaceSignals, index: int) -> dict[str, np
             for cause, covariance in _errors_in_bands(signals, index).items()}
 
 
-def all_errors_by_cause(signals: spectra.SurfaceSignals, index: int) -> dict[str, np.ndarray]:
-    """Covariance by cause of the signal of ``measurement``, that of what the states of the capture
-    add included.
-
-    Parameters
-    ----------
-    index : int
-        Of the surface.
-    """
-    return with_added(errors_by_cause(signals, index), measurement(signals, index).states)
-
-
 def measurement(signals: spectra.SurfaceSignals, index: int) -> spectra.SpectralMeasurement:
     """What the photos said of one surface, in bands that show it and do not depend on each other.
 

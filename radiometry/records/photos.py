@@ -176,7 +176,6 @@ class Registration(Record):
 
     matrix: Annotated[np.ndarray, "2 3"]    # a turn and a shift, full resolution
     shift_px: float                         # of the middle of the photo
-    correlation: float                      # of the edges of both photos, 0 to 1
     residual_px: float | None               # median over parts of the photo; None: none tells
     chart_px: float | None                  # rms of the chart's corners; None: not in both photos
 
