@@ -7,6 +7,7 @@ first order, chroma weighted as CIEDE2000 weights it. White goes to white exactl
 """
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
 from typing import Annotated
@@ -194,58 +195,39 @@ class IlluminantMatrices(shaped.Record):
     delta_e00: tuple[float, ...]
 
 
-@dataclass(frozen=True)
-class Target:
-    """What matrices under an illuminant are fitted to and judged by."""
-
-    power: np.ndarray                       # (P,) of the illuminant times the width of its samples
-    fitted: np.ndarray                      # (I, P) reflectances
-    fitted_xyz: np.ndarray                  # (I, 3) under the illuminant
-    fitted_d50: np.ndarray                  # (I, 3) adapted to D50
-    white_xyz: np.ndarray                   # (3,) of the illuminant
-    judged: tuple[np.ndarray, ...]          # (n, P) reflectances, of each set
-    judged_lab: tuple[np.ndarray, ...]      # (n, 3) of the same
-
-
-def target(name: str, grid: WavelengthGrid, fitted: np.ndarray,
-           judged: tuple[np.ndarray, ...]) -> Target:
-    """The target of an illuminant.
+def matrices(cameras: Sequence[np.ndarray], name: str, grid: WavelengthGrid, fitted: np.ndarray,
+             judged: tuple[np.ndarray, ...]) -> list[IlluminantMatrices]:
+    """Colour and forward matrix of some curves under an illuminant.
 
     Parameters
     ----------
+    cameras : sequence of (3, P) arrays
+        Curves, each of any scale.
     name : str
-        CIE name.
+        CIE name of the illuminant.
     grid : WavelengthGrid
     fitted : (I, P) array
-        Reflectances of the chart.
+        Reflectances of the chart that matrices are fitted to.
     judged : tuple of (n, P) arrays
+        Sets of reflectances that they are judged by.
     """
     to_xyz = appearance.tristimulus_weights(grid.nm, name)
     to_d65 = appearance.adapted_tristimulus(grid.nm, name)
     # D50 by the same adaptation: linear, so that white stays white
     to_d50 = appearance.adaptation(to_d65.sum(axis=1), D50) @ to_d65
-    labs = tuple(appearance.lab_from_xyz(each @ to_d50.T, D50) for each in judged)
-    return Target(light(name, grid) * grid.weights_nm, fitted, fitted @ to_xyz.T,
-                  fitted @ to_d50.T, to_xyz.sum(axis=1), judged, labs)
-
-
-def matrices(curves: np.ndarray, aim: Target) -> IlluminantMatrices:
-    """Colour and forward matrix of curves (3, P), of any scale.
-
-    Parameters
-    ----------
-    curves : (3, P) array
-    aim : Target
-    """
-    response = curves * aim.power
-    signals, white = aim.fitted @ response.T, response.sum(axis=1)
-    colour = np.linalg.lstsq(aim.fitted_xyz, signals, rcond=None)[0].T
-    colour = colour / (colour @ aim.white_xyz).max()
-    forward = _white_keeping(signals / white, aim.fitted_d50)
-    errors = tuple(float(np.mean(appearance.ciede2000(appearance.lab_from_xyz(
-        (each @ response.T / white) @ forward.T, D50), lab)))
-        for each, lab in zip(aim.judged, aim.judged_lab, strict=True))
-    return IlluminantMatrices(colour, forward, errors)
+    labs = [appearance.lab_from_xyz(each @ to_d50.T, D50) for each in judged]
+    power, found = light(name, grid) * grid.weights_nm, []
+    for curves in cameras:
+        response = curves * power
+        signals, white = fitted @ response.T, response.sum(axis=1)
+        colour = np.linalg.lstsq(fitted @ to_xyz.T, signals, rcond=None)[0].T
+        colour = colour / (colour @ to_xyz.sum(axis=1)).max()
+        forward = _white_keeping(signals / white, fitted @ to_d50.T)
+        errors = tuple(float(np.mean(appearance.ciede2000(appearance.lab_from_xyz(
+            (each @ response.T / white) @ forward.T, D50), lab)))
+            for each, lab in zip(judged, labs, strict=True))
+        found.append(IlluminantMatrices(colour, forward, errors))
+    return found
 
 
 def _white_keeping(signals: np.ndarray, xyz: np.ndarray) -> np.ndarray:

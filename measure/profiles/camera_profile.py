@@ -137,16 +137,13 @@ def camera_profile(camera: str, curves: np.ndarray, grid: WavelengthGrid, idt_li
     """
     each = () if draws is None else tuple(draws)
     sets = named_spectra.test_reflectances(grid)
-    targets = {
-        name: colour_profile.target(name, grid, sets[FITTED_SET],
-                                    (sets[FITTED_SET], sets[FRESH_SET]))
-        for name in colour_profile.ILLUMINANTS
-    }
+    found = {name: colour_profile.matrices((curves, *each), name, grid, sets[FITTED_SET],
+                                           (sets[FITTED_SET], sets[FRESH_SET]))
+             for name in colour_profile.ILLUMINANTS}
     return CameraProfile(
         camera,
-        {name: colour_profile.matrices(curves, aim) for name, aim in targets.items()},
-        {name: tuple(colour_profile.matrices(draw, aim) for draw in each)
-         for name, aim in targets.items()},
+        {name: own for name, (own, *_) in found.items()},
+        {name: tuple(drawn) for name, (_, *drawn) in found.items()},
         colour_science.aces_idt(grid.nm, curves, idt_light),
         tuple(colour_science.aces_idt(grid.nm, draw, idt_light) for draw in each[:MAX_IDT_DRAWS]),
         idt_light, len(each), colours, light)
