@@ -240,7 +240,7 @@ def _regions(rng: np.random.Generator, surfaces: np.ndarray) -> dict[str, Region
         truth = Spectrum(FINE_GRID, np.clip(surfaces[number], 0, 1), Quantity.REFLECTANCE, "truth")
         regions[f"place{number}"] = Region(
             families, surface, np.clip(surfaces[number], 0, 1) if given else None,
-            truth if rng.random() < 0.3 else None, outline)
+            truth if rng.random() < 0.3 else None, outline=outline)
     return regions
 
 
