@@ -416,9 +416,14 @@ def _require_scales(views: Sequence[PhotoView]) -> None:
 
 
 def _require_pixels(views: Sequence[PhotoView]) -> None:
-    """Refuse a material that fills too few usable pixels in all views together."""
+    """Refuse a material that fills too few usable pixels in all views together; a known one only
+    where it may have to tell a light scale.
+    """
+    scaled = all(view.light_scale is not None for view in views)
     for material in {material.bsdf: material for view in views
                      for material in view.materials}.values():
+        if scaled and material.reflectance is not None:
+            continue
         seen = usable = 0
         for view in views:
             own = np.isin(view.surface,

@@ -11,6 +11,7 @@ import spectrabox as sb
 from spectrabox.api import shape
 from spectrabox.capture.photo.image_writers import write_linear_exr
 from spectrabox.fixtures.object_views import cameras, view_xml
+from spectrabox.radiometry.chart import PATCH_NAMES, chart_reflectances
 from spectrabox.radiometry.interreflection import response_matrix, white_signal
 from spectrabox.reconstruct.rendering.renderer import render
 from spectrabox.reconstruct.scene.scene_file import read_scene
@@ -97,7 +98,7 @@ def ball_photos(folder, centre, radius, count=6, width=24):
     truth = np.interp(BENCH_GRID.nm, GRID.nm, PAINT)
     vertices, faces = icosphere(4)
     return bench_shape.photos_of((centre + radius * vertices, faces), truth, folder, count, width,
-                                 64)
+                                 64)[:3]
 
 
 CENTRE, RADIUS = np.array([0.1, -0.05, 0.08]), 0.7
@@ -109,9 +110,9 @@ def ball(tmp_path_factory):
 
 
 def fitted(photos, poses, white, **options):
-    return sb.fit_shape(photos, poses, camera=bench_shape.CAMERA, width=24, white=white,
+    return sb.fit_shape(photos, poses, camera=bench_shape.CAMERA, white=white,
                         light=(BENCH_GRID.nm, np.ones(BENCH_GRID.nm.size)),
-                        **({"progress": False} | options))
+                        **({"progress": False, "width": 24} | options))
 
 
 def test_a_ball_and_its_spectrum_are_found(ball, tmp_path):
@@ -187,6 +188,71 @@ def test_colmap_poses_masks_and_a_start_mesh_find_a_ball(tmp_path):
     lower, upper = paint.band()
     assert np.mean((lower <= np.interp(paint.nm, GRID.nm, PAINT))
                    & (np.interp(paint.nm, GRID.nm, PAINT) <= upper)) > 0.9
+
+
+PAINTS = np.array([PAINT, chart_reflectances("BabelColor Average", GRID)[
+    PATCH_NAMES.index("blue")]])
+
+
+@pytest.fixture(scope="module")
+def painted_ball(tmp_path_factory):
+    """Photos of a ball of two paints with their label images: four times as wide as they are
+    compared.
+    """
+    truth = np.array([np.interp(BENCH_GRID.nm, GRID.nm, paint) for paint in PAINTS])
+    vertices, faces = icosphere(5)
+    blue = vertices[faces].mean(axis=1)[:, 0] > 0.15
+    return bench_shape.photos_of((CENTRE + RADIUS * vertices, faces), truth,
+                                 tmp_path_factory.mktemp("painted"), 6, 128, 16, blue.astype(int))
+
+
+def test_a_ball_of_two_paints_and_their_spectra_are_found(painted_ball, tmp_path):
+    import mitsuba as mi
+
+    photos, scenes, white, labels = painted_ball
+    found = fitted(photos, scenes, white, masks=labels, materials=["orange", "blue"], width=32,
+                   start=(CENTRE + np.array([0.04, 0, 0.03]), 0.95 * RADIUS), steps=(8,))
+    distance = np.linalg.norm(found.vertices - CENTRE, axis=1) - RADIUS
+    # it began 5 % too small and .05 beside
+    assert np.sqrt(np.mean(distance**2)) < 0.04 * RADIUS
+    for (name, one), truth in zip(found.items(), PAINTS, strict=True):
+        lower, upper = one.band()
+        at = np.interp(one.nm, GRID.nm, truth)
+        assert np.mean((at >= lower) & (at <= upper)) > 0.9
+        assert "photo and model disagree" in one.errors
+        at = np.interp(one.measurement.grid.nm, GRID.nm, truth)
+        assert one.measurement.signal == pytest.approx(one.measurement.relative_response @ at,
+                                                       rel=0.05)
+        assert 2 <= len(found.disagreement[name]) < len(photos)     # some show the other half alone
+    # each face has its paint, but for those across the border, an edge (.1) or so wide
+    side = ((found.vertices[found.faces].mean(axis=1) - CENTRE) / RADIUS)[:, 0] - 0.15
+    sure = np.abs(side) > 0.12
+    assert np.array_equal(found.material_of_face[sure] == 1, side[sure] > 0)
+    # renderings have the paints where the photos have them
+    for photo, picture in zip(found.photos, found.renderings, strict=True):
+        assert np.corrcoef(photo.ravel(), picture.ravel())[0, 1] > 0.98
+    # a stock Mitsuba loads what is written: a shape for each material
+    scene = mi.load_file(str(found.to_mitsuba(tmp_path / "ball.xml")))
+    assert {shape.bsdf().id(): shape.face_count() for shape in scene.shapes()} == {
+        name: np.count_nonzero(found.material_of_face == number)
+        for number, name in enumerate(found)}
+    written = mi.traverse(scene)["blue.reflectance.values"]
+    assert np.array(written) == pytest.approx(found["blue"].mean, abs=1e-6)
+
+
+@pytest.mark.parametrize("change, words", [
+    ({"materials": "orange"}, "list of different names"),
+    ({"materials": ["orange", "orange"]}, "list of different names"),
+    ({"materials": ["orange", "blue"], "masks": None}, "label image"),
+    ({"materials": ["orange"]}, "0 for the ground, 1 for 'orange'"),
+    ({"materials": ["orange", "blue", "green"]}, r"'green' \(label 3\).*in 0 of 6 photos"),
+    ({"width": 12}, "larger width="),
+    ({"masks": [np.ones((24, 24), int)] * 6}, "the photo has")])
+def test_labels_that_do_not_fit_are_refused(painted_ball, change, words):
+    photos, scenes, white, labels = painted_ball
+    with pytest.raises(sb.InputError, match=words):
+        fitted(photos, scenes, white, **({"masks": labels, "materials": ["orange", "blue"],
+                                          "width": 32} | change))
 
 
 def test_a_fit_that_was_stopped_goes_on_with_the_same_numbers(ball, tmp_path):

@@ -91,7 +91,7 @@ def measure(true_mesh: Path, found_mesh: Path, out: Path) -> dict[str, Any]:
     found = fitted(used, true_mesh.parent)
     seconds = time.perf_counter() - start
     found.to_ply(found_mesh)
-    spectra, drawn = {"descent": found.descent}, []
+    spectra, drawn = {"descent": found.descent["object"]}, []
     for name, mesh in (("on the found shape", found_mesh), ("on the true shape", true_mesh)):
         answer = reconstruct_views([with_mesh(view, "object", mesh) for view in used],
                                    plain_settings(COEFFICIENTS), lambda done, what: None)
@@ -174,7 +174,8 @@ def picture(used: Sequence[PhotoView], other: Sequence[PhotoView],
     places: list[Any] = [[*(f"{row}, {column}" for column in range(4)), *3 * ["spectra"]]
                          for row in range(3)]
     figure, axes = plt.subplot_mosaic(places, figsize=(12.5, 5), layout="constrained")
-    coefficients = np.linalg.lstsq(used[0].basis(COEFFICIENTS), found.descent, rcond=None)[0]
+    coefficients = np.linalg.lstsq(used[0].basis(COEFFICIENTS), found.descent["object"],
+                                   rcond=None)[0]
     for column, view in enumerate([*used, *other]):
         shape = with_mesh(view, "object", mesh)
         rendered = render(shape.scene(coefficients[None]), 256, 3)[0]

@@ -6,7 +6,7 @@ spectral variants ``prb_projective`` sees a black foreground.
 """
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,8 @@ ICOSAHEDRON = np.array([
     (0, 11, 5), (0, 5, 1), (0, 1, 7), (0, 7, 10), (0, 10, 11), (1, 5, 9), (5, 11, 4), (11, 10, 2),
     (10, 7, 6), (7, 1, 8), (3, 9, 4), (3, 4, 2), (3, 2, 6), (3, 6, 8), (3, 8, 9), (4, 9, 5),
     (2, 4, 11), (6, 2, 10), (8, 6, 7), (9, 8, 1)])
+
+NO_ATTRIBUTES: Mapping[str, np.ndarray] = {}
 
 
 def icosphere(level: int) -> tuple[np.ndarray, np.ndarray]:
@@ -97,30 +99,58 @@ def large_steps(faces: np.ndarray, count: int,
     return lambda vertices: matrix @ vertices, factor.solve
 
 
-def write_mesh(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
-    """Write a PLY file with a smooth normal at every vertex, whole or not at all.
+def write_mesh(path: Path, vertices: np.ndarray, faces: np.ndarray,
+               normals: np.ndarray | None = None,
+               attributes: Mapping[str, np.ndarray] = NO_ATTRIBUTES) -> None:
+    """Write a PLY file with a normal at every vertex, whole or not at all.
 
     Parameters
     ----------
     path : Path
     vertices : (V, 3) array
     faces : (F, 3) int
+    normals : (V, 3) array, optional
+        Smooth ones of this mesh where they are left out.
+    attributes : mapping of name to (V,) array
+        Of the vertices; Mitsuba's names, which begin with "vertex_".
 
     Raises
     ------
     EnvironmentProblem
         If the folder cannot be written.
     """
+    mesh = _mitsuba_mesh(vertices, faces, attributes)
+    if normals is not None:
+        import mitsuba as mi
+
+        # after the positions, by which Mitsuba makes normals of its own
+        parameters = mi.traverse(mesh)
+        parameters["vertex_normals"] = mi.Float(normals.astype(np.float32).ravel())
+        parameters.update()
+    with whole_file(path) as unfinished:
+        mesh.write_ply(str(unfinished))
+
+
+def smooth_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Unit normals (V, 3) at vertices (V, 3) of faces (F, 3), as ``write_mesh`` writes them."""
+    mesh = _mitsuba_mesh(vertices, faces, NO_ATTRIBUTES)
+    return np.array(mesh.vertex_normals_buffer(), dtype=float).reshape(-1, 3)
+
+
+def _mitsuba_mesh(vertices: np.ndarray, faces: np.ndarray,
+                  attributes: Mapping[str, np.ndarray]) -> Any:
+    """A mi.Mesh with smooth normals."""
     import mitsuba as mi
 
     mesh = mi.Mesh("mesh", len(vertices), len(faces), has_vertex_normals=True)
+    for name, values in attributes.items():
+        mesh.add_attribute(name, 1, values.tolist())
     parameters = mi.traverse(mesh)
     parameters["vertex_positions"] = mi.Float(vertices.astype(np.float32).ravel())
     parameters["faces"] = mi.UInt(faces.astype(np.uint32).ravel())
     parameters.update()
     mesh.recompute_vertex_normals()
-    with whole_file(path) as unfinished:
-        mesh.write_ply(str(unfinished))
+    return mesh
 
 
 def add_outline_gradient(scene: Any, image_gradient: np.ndarray, spp: int, seed: int) -> None:

@@ -1,11 +1,11 @@
-"""Shape and spectrum of one object from photos around it (paper Sec. 4.2, Fig. 6).
+"""Shape and spectra of one object from photos around it (paper Sec. 4.2, Fig. 6).
 
 A start mesh, such as a sphere, is moved towards the photos by gradient descent, coarse to fine,
-while the spline coefficients of the object's spectrum are estimated along with it. The squared
+while the spline coefficients of its paints' spectra are estimated along with it. The squared
 error has its gradient by the spectrum and by the surface's position from Mitsuba's ``prb``, and by
 the outline from ``add_outline_gradient``. Vertices v follow uniform Adam in u = (I + diffusion L) v
-(Nicolet et al. 2021, Algorithm 1). The spectrum of the descent is a starting point, without errors:
-``on_mesh`` lets the transport engine estimate it on the found mesh.
+(Nicolet et al. 2021, Algorithm 1). The spectra of the descent are starting points, without errors:
+``on_mesh`` lets the transport engine estimate them on the found mesh.
 """
 from __future__ import annotations
 
@@ -29,11 +29,13 @@ from spectrabox.reconstruct.rendering.renderer import render
 from spectrabox.reconstruct.scene.scene_xml import BLACK
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.shape import mesh as meshes
+from spectrabox.reconstruct.shape import paints
 from spectrabox.reconstruct.view import PhotoView
 
 SPECTRUM_RATE = 0.02        # of the coefficients, per step
 GREY_RANGE = (0.05, 0.95)   # of the flat spectrum to start from
 TRIAL_GREY = 0.5
+VOTE_STEPS = 10     # after which the photos say anew which paint the moved mesh has where
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,7 @@ SPHERE_LEVEL = 3    # of subdivision of the icosahedron: 642 vertices
 
 @dataclass(frozen=True)
 class ShapeSettings:
-    """Stages of the fit, coefficients of the spectrum and seed."""
+    """Stages of the fit, coefficients of each spectrum and seed."""
 
     coefficients: int = 9
     stages: tuple[Stage, ...] = STAGES  # coarse to fine
@@ -63,12 +65,12 @@ class ShapeSettings:
 
 @dataclass(frozen=True, eq=False)
 class ShapeReconstruction:
-    """A closed mesh in the scenes' coordinates and the object's spectrum."""
+    """A closed mesh in the scenes' coordinates and the spectra of its M paints."""
 
     vertices: np.ndarray        # (V, 3)
     faces: np.ndarray           # (F, 3) anticlockwise seen from outside
-    coefficients: np.ndarray    # (N,)
-    spectrum: np.ndarray        # (P,) reflectance on the calibration's grid
+    coefficients: np.ndarray    # (M, N)
+    spectra: np.ndarray         # (M, P) reflectance on the calibration's grid
     # mean over the views of a step of the squared error, in squares of the brightest pixel
     loss_history: np.ndarray
     outcome: Outcome
@@ -88,9 +90,9 @@ def sphere(centre: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def reconstruct_shape(views: Sequence[PhotoView], shape_id: str, vertices: np.ndarray,
-                      faces: np.ndarray, settings: ShapeSettings, progress: Progress,
-                      checkpoint: Path | None = None) -> ShapeReconstruction:
-    """Mesh and spectrum that explain several photos of one object.
+                      faces: np.ndarray, painted: paints.PaintLabels, settings: ShapeSettings,
+                      progress: Progress, checkpoint: Path | None = None) -> ShapeReconstruction:
+    """Mesh and spectra that explain several photos of one object.
 
     Parameters
     ----------
@@ -102,6 +104,8 @@ def reconstruct_shape(views: Sequence[PhotoView], shape_id: str, vertices: np.nd
         Of the start mesh, closed, about where and as large as the object is.
     faces : (F, 3) int
         Anticlockwise seen from outside.
+    painted : PaintLabels
+        Where the photos show its paints.
     settings : ShapeSettings
     progress : function of (fraction done, what is being done)
     checkpoint : Path, optional
@@ -113,7 +117,8 @@ def reconstruct_shape(views: Sequence[PhotoView], shape_id: str, vertices: np.nd
     losses: list[float] = []
     history: list[float] = []
     total = sum(stage.steps for stage in settings.stages)
-    asked = "" if checkpoint is None else _digest(views, shape_id, vertices, faces, settings)
+    asked = "" if checkpoint is None else _digest(views, shape_id, vertices, faces, painted,
+                                                         settings)
     finished = 0
     if checkpoint is not None and (kept := _finished_stages(checkpoint, asked, settings)):
         finished, vertices, faces, coefficients, losses = kept
@@ -128,16 +133,21 @@ def reconstruct_shape(views: Sequence[PhotoView], shape_id: str, vertices: np.nd
                 vertices, faces = meshes.subdivided(vertices, faces)
             done = stage.subdivisions
             path = Path(folder) / f"stage_{number}.ply"
-            meshes.write_mesh(path, vertices, faces)
-            shown = [with_mesh(view, shape_id, path) for view in views]
+            # the weights of paints are put in by the descent
+            meshes.write_mesh(path, vertices, faces, attributes={
+                paints.weight_name(paint): np.zeros(len(vertices))
+                for paint in range(1, len(painted.names))})
+            shown = [paints.painted_mesh(with_mesh(view, shape_id, path), shape_id, painted.names)
+                     for view in views]
             if not coefficients.size:
-                coefficients = flat_start(shown, settings.coefficients, stage.spp, settings.seed)
+                coefficients = flat_start(shown, painted, settings.coefficients, stage.spp,
+                                          settings.seed)
 
             def part(step: int, before: int = len(losses)) -> None:
                 progress((before + step) / total, "moving the mesh")
 
             vertices, coefficients, history = descend(
-                shown, shape_id, vertices, faces, coefficients,
+                shown, shape_id, vertices, faces, painted, coefficients,
                 replace(stage, rate=stage.rate * radius), settings.seed * 1009 + number, part)
             losses += history
             if checkpoint is not None:
@@ -147,14 +157,17 @@ def reconstruct_shape(views: Sequence[PhotoView], shape_id: str, vertices: np.nd
                              faces=faces, coefficients=coefficients, losses=losses)
     outcome = Outcome.CONVERGED if stalled(history, len(history) // 2) else Outcome.STEP_LIMIT
     return ShapeReconstruction(vertices, faces, coefficients,
-                               views[0].basis(settings.coefficients) @ coefficients,
+                               coefficients @ views[0].basis(settings.coefficients).T,
                                np.array(losses), outcome)
 
 
 def _digest(views: Sequence[PhotoView], shape_id: str, vertices: np.ndarray, faces: np.ndarray,
-            settings: ShapeSettings) -> str:
+            painted: paints.PaintLabels, settings: ShapeSettings) -> str:
     """SHA-256 of what decides a fit's bits but its stages."""
-    digest = hashlib.sha256(repr((shape_id, settings.coefficients, settings.seed)).encode())
+    digest = hashlib.sha256(repr((shape_id, settings.coefficients, settings.seed,
+                                  len(painted.names))).encode())
+    for labels in painted.labels:
+        digest.update(labels.tobytes())
     for view in views:
         digest.update(ET.tostring(view.scene_file.root))
         digest.update(repr(light_scale(view)).encode())
@@ -204,8 +217,13 @@ def with_mesh(view: PhotoView, shape_id: str, mesh: Path) -> PhotoView:
 
 
 def on_mesh(views: Sequence[PhotoView], shape_id: str, vertices: np.ndarray, faces: np.ndarray,
-            settings: InversionSettings, progress: Progress) -> tuple[Reconstruction, ...]:
-    """The spectrum behind each photo by itself on a mesh, by the transport engine.
+            painted: paints.PaintLabels, spectra: np.ndarray, settings: InversionSettings,
+            progress: Progress) -> tuple[np.ndarray, tuple[Reconstruction, ...]]:
+    """The paint of each face, and the spectra behind each photo by itself on a mesh, by the
+    transport engine.
+
+    A photo that does not tell of a paint (``paints.telling_photos``) takes its spectrum, for the
+    light that it casts on others, from the descent; that paint is a known one in its record.
 
     Parameters
     ----------
@@ -214,27 +232,82 @@ def on_mesh(views: Sequence[PhotoView], shape_id: str, vertices: np.ndarray, fac
         Of the shape that the mesh replaces.
     vertices : (V, 3) array
     faces : (F, 3) int
+    painted : PaintLabels
+    spectra : (M, P) array
+        Of the paints, from the descent.
     settings : InversionSettings
     progress : function of (fraction done, what is being done)
+
+    Returns
+    -------
+    (F,) int, V of Reconstruction
+
+    Raises
+    ------
+    InputError
+        If fewer than two photos tell of a paint.
     """
-    found = []
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "found.ply"
-        meshes.write_mesh(path, vertices, faces)
-        for number, view in enumerate(views):
+        path = Path(folder) / "found"
+        meshes.write_mesh(path.with_suffix(".ply"), vertices, faces)
+        shown = [with_mesh(view, shape_id, path.with_suffix(".ply")) for view in views]
+        paint_of_face = np.zeros(len(faces), dtype=int)
+        if painted.labels:
+            counts = [paints.votes(view.scene(), shape_id, len(faces), labels, len(painted.names))
+                      for view, labels in zip(shown, painted.labels, strict=True)]
+            paint_of_face = paints.paint_of_faces(np.sum(counts, axis=0), vertices, faces)
+            shown = _each_paint(shown, shape_id, paints.write_mesh_of_each_paint(
+                path, vertices, faces, paint_of_face, painted.names), painted, spectra)
+        found = []
+        for number, view in enumerate(shown):
             progress(number / len(views), "estimating the spectrum")
-            found.append(reconstruct(with_mesh(view, shape_id, path), settings,
-                                     lambda share, message: None))
-    return tuple(found)
+            found.append(reconstruct(view, settings, lambda share, message: None))
+    return paint_of_face, tuple(found)
 
 
-def flat_start(views: Sequence[PhotoView], coefficients: int, spp: int, seed: int) -> np.ndarray:
-    """Coefficients (N,) of the grey with which the views are about as bright as their photos.
+def _each_paint(views: Sequence[PhotoView], shape_id: str, files: Sequence[Path | None],
+                painted: paints.PaintLabels, spectra: np.ndarray) -> list[PhotoView]:
+    """Views in which each paint is a shape, compared where photo and mesh have the same paint; the
+    paints that a photo does not tell of are known.
+    """
+    shown, pixels = [], []
+    for number, view in enumerate(views):
+        of_paints = paints.mesh_of_each_paint(view, shape_id, files, painted.names)
+        shares = painted.shares[number]
+        name_of = (*of_paints.surface_materials, "")       # the last where no surface is
+        own = np.array([painted.names.index(name) if name else -1
+                        for name in name_of])[of_paints.surface]
+        alike = (shares.max(axis=2) > paints.PURE) & (shares.argmax(axis=2) == own)
+        shown.append(_compared_where(of_paints, alike))
+        pixels.append(np.bincount(own[shown[-1].used], minlength=len(painted.names)))
+    telling = paints.telling_photos(np.array(pixels), painted.names)
+    for number, own_telling in enumerate(telling):
+        view = shown[number]
+        told = [index for index, name in enumerate(view.surface_materials)
+                if own_telling[painted.names.index(name)]]
+        shown[number] = replace(
+            _compared_where(view, np.isin(view.surface, told)), materials=tuple(
+                material if tells else replace(material, reflectance=spectrum)
+                for material, tells, spectrum in zip(view.materials, own_telling, spectra,
+                                                     strict=True)))
+    return shown
+
+
+def _compared_where(view: PhotoView, pixels: np.ndarray) -> PhotoView:
+    """The view, compared at these pixels (H, W) alone."""
+    return replace(view, photo=replace(
+        view.photo, saturated=view.photo.saturated | ~pixels[..., None]))
+
+
+def flat_start(views: Sequence[PhotoView], painted: paints.PaintLabels, coefficients: int, spp: int,
+               seed: int) -> np.ndarray:
+    """Coefficients (M, N) of the greys with which the views are about as bright as their photos.
 
     Parameters
     ----------
     views : sequence of PhotoView
-        Each with its light scale and one unknown material.
+        Each with its light scale and unknown materials alone.
+    painted : PaintLabels
     coefficients : int
         N.
     spp : int
@@ -247,16 +320,22 @@ def flat_start(views: Sequence[PhotoView], coefficients: int, spp: int, seed: in
     ValueError
         If a view has no light scale.
     """
-    grey = np.full((1, coefficients), TRIAL_GREY)
+    grey = np.full((len(painted.names), coefficients), TRIAL_GREY)
     rendered = [render(view.scene(grey), spp, seed)[0] * light_scale(view) for view in views]
-    ratio = [view.measured.sum() / image.sum() for view, image in zip(views, rendered, strict=True)]
-    return np.full(coefficients, np.clip(TRIAL_GREY * np.median(ratio), *GREY_RANGE))
+    shares = [share[..., None] for share in painted.shares]
+    greys = []
+    for paint in range(len(painted.names)):
+        ratios = [(view.measured * share[:, :, paint]).sum() / (image * share[:, :, paint]).sum()
+                  for view, image, share in zip(views, rendered, shares, strict=True)
+                  if (image * share[:, :, paint]).any()]
+        greys.append(np.clip(TRIAL_GREY * np.median(ratios or [1.0]), *GREY_RANGE))
+    return np.repeat(np.array(greys)[:, None], coefficients, axis=1)
 
 
 def descend(views: Sequence[PhotoView], shape_id: str, vertices: np.ndarray, faces: np.ndarray,
-            coefficients: np.ndarray, stage: Stage, seed: int,
+            painted: paints.PaintLabels, coefficients: np.ndarray, stage: Stage, seed: int,
             progress: Callable[[int], None]) -> tuple[np.ndarray, np.ndarray, list[float]]:
-    """Vertices (V, 3) and coefficients (N,) after the stage, and the loss of every step.
+    """Vertices (V, 3) and coefficients (M, N) after the stage, and the loss of every step.
 
     Parameters
     ----------
@@ -266,8 +345,9 @@ def descend(views: Sequence[PhotoView], shape_id: str, vertices: np.ndarray, fac
     vertices : (V, 3) array
         In the scene's unit.
     faces : (F, 3) int
-    coefficients : (N,) array
-        Of the object's spectrum, 0 to 1.
+    painted : PaintLabels
+    coefficients : (M, N) array
+        Of its spectra, 0 to 1.
     stage : Stage
         Its rate is in the scene's unit here.
     seed : int
@@ -285,12 +365,14 @@ def descend(views: Sequence[PhotoView], shape_id: str, vertices: np.ndarray, fac
     to_steps, from_steps = meshes.large_steps(faces, len(vertices), stage.diffusion)
     losses_of = [ViewLoss(view, coefficients, shape_id) for view in views]
     positions = mi.ad.Adam(lr=stage.rate, uniform=True)
-    spectrum = mi.ad.Adam(lr=SPECTRUM_RATE)
+    spectra = mi.ad.Adam(lr=SPECTRUM_RATE)
     positions["u"] = mi.Float(to_steps(vertices).astype(np.float32).ravel())
-    spectrum["c"] = mi.Float(coefficients.astype(np.float32))
+    spectra["c"] = mi.Float(coefficients.astype(np.float32).ravel())
     generator = np.random.default_rng(seed)
     losses = []
     for step in range(stage.steps):
+        if painted.labels and step % VOTE_STEPS == 0:
+            _vote(losses_of, vertices, faces, painted)
         chosen = generator.permutation(len(views))[:stage.views]
         by_vertex, by_coefficient, loss = np.zeros_like(vertices), np.zeros_like(coefficients), 0.0
         for number in chosen:
@@ -300,15 +382,27 @@ def descend(views: Sequence[PhotoView], shape_id: str, vertices: np.ndarray, fac
             by_coefficient += parts[1] / len(chosen)
             loss += parts[2] / len(chosen)
         dr.set_grad(positions["u"], mi.Float(from_steps(by_vertex).astype(np.float32).ravel()))
-        dr.set_grad(spectrum["c"], mi.Float(by_coefficient.astype(np.float32)))
+        dr.set_grad(spectra["c"], mi.Float(by_coefficient.astype(np.float32).ravel()))
         positions.step()
-        spectrum.step()
-        spectrum["c"] = dr.clip(dr.detach(spectrum["c"]), 0.0, 1.0)
+        spectra.step()
+        spectra["c"] = dr.clip(dr.detach(spectra["c"]), 0.0, 1.0)
         vertices = from_steps(np.array(positions["u"], dtype=float).reshape(-1, 3))
-        coefficients = np.array(spectrum["c"], dtype=float)
+        coefficients = np.array(spectra["c"], dtype=float).reshape(coefficients.shape)
         losses.append(loss)
         progress(step + 1)
     return vertices, coefficients, losses
+
+
+def _vote(losses_of: Sequence[ViewLoss], vertices: np.ndarray, faces: np.ndarray,
+          painted: paints.PaintLabels) -> None:
+    """Put the paints into the scenes where the photos show them on the mesh."""
+    counts = np.zeros((len(faces), len(painted.names)), dtype=int)
+    for loss, labels in zip(losses_of, painted.labels, strict=True):
+        loss.place(vertices)
+        counts += paints.votes(loss.scene, loss.shape_id, len(faces), labels, len(painted.names))
+    weights = paints.vertex_weights(counts, vertices, faces)
+    for loss in losses_of:
+        loss.paint(weights)
 
 
 class ViewLoss:
@@ -318,27 +412,47 @@ class ViewLoss:
     def __init__(self, view: PhotoView, coefficients: np.ndarray, shape_id: str) -> None:
         import mitsuba as mi
 
-        self.scene, self.scale = view.scene(coefficients[None]), light_scale(view)
-        self.photo, self.basis = view.measured, view.basis(coefficients.size)
+        self.scene, self.scale = view.scene(coefficients), light_scale(view)
+        self.shape_id = shape_id
+        self.photo, self.basis = view.measured, view.basis(coefficients.shape[1])
         saturated = view.photo.saturated
         self.weight = ~saturated / (np.where(saturated, 0.0, self.photo).max() ** 2
                                     * self.photo.size)
         self.parameters = mi.traverse(self.scene)
         self.positions = f"{shape_id}.vertex_positions"
-        self.reflectance = reflectance_key(self.parameters, view.unknown[0].bsdf,
-                                           view.scene_file)
-        self.parameters.keep([self.positions, self.reflectance])
+        self.reflectances = [reflectance_key(self.parameters, material.bsdf, view.scene_file)
+                             for material in view.unknown]
+        self.weights = [f"{shape_id}.{paints.weight_name(paint)}"
+                        for paint in range(1, len(coefficients))]
+        self.parameters.keep([self.positions, *self.reflectances, *self.weights])
+
+    def place(self, vertices: np.ndarray) -> None:
+        """Move the mesh to vertices (V, 3)."""
+        import mitsuba as mi
+
+        self.parameters[self.positions] = mi.Float(vertices.astype(np.float32).ravel())
+        self.parameters.update()
+
+    def paint(self, weights: np.ndarray) -> None:
+        """Blend the paints by weights (M - 1, V) of ``paints.vertex_weights``."""
+        import mitsuba as mi
+
+        for name, values in zip(self.weights, weights, strict=True):
+            self.parameters[name] = mi.Float(values.astype(np.float32))
+        self.parameters.update()
 
     def gradients(self, vertices: np.ndarray, coefficients: np.ndarray, spp: int,
                   draw: int) -> tuple[np.ndarray, np.ndarray, float]:
-        """Gradient by vertices (V, 3) and by coefficients (N,), and the loss."""
+        """Gradient by vertices (V, 3) and by coefficients (M, N), and the loss."""
         import drjit as dr
         import mitsuba as mi
 
         positions = mi.Float(vertices.astype(np.float32).ravel())
-        values = mi.Float((BLACK + self.basis @ coefficients).astype(np.float32))
-        dr.enable_grad(positions, values)
-        self.parameters[self.positions], self.parameters[self.reflectance] = positions, values
+        spectra = [mi.Float((BLACK + self.basis @ own).astype(np.float32)) for own in coefficients]
+        dr.enable_grad(positions, *spectra)
+        self.parameters[self.positions] = positions
+        for name, values in zip(self.reflectances, spectra, strict=True):
+            self.parameters[name] = values
         self.parameters.update()
         image = mi.render(self.scene, self.parameters, spp=spp, seed=draw, seed_grad=draw + 1)
         error = np.array(image, dtype=float) * self.scale - self.photo
@@ -346,7 +460,8 @@ class ViewLoss:
         dr.backward(dr.sum(image * mi.TensorXf(slope.astype(np.float32)), axis=None))
         meshes.add_outline_gradient(self.scene, slope, spp, draw + 2)
         return (np.array(dr.grad(positions), dtype=float).reshape(-1, 3),
-                self.basis.T @ np.array(dr.grad(values), dtype=float),
+                np.array([self.basis.T @ np.array(dr.grad(values), dtype=float)
+                          for values in spectra]),
                 float(np.sum(self.weight * error**2)))
 
 

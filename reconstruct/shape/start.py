@@ -206,14 +206,16 @@ def closed_mesh(vertices: np.ndarray, faces: np.ndarray, name: str
     return unique, joined
 
 
-def signal_of_photos(found: Sequence[Reconstruction]
-                     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The object's signal by all photos, and how far each photo by itself is from it.
+def signal_of_photos(found: Sequence[Reconstruction],
+                     material: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A material's signal by all photos that tell of it, and how far each by itself is from it.
 
     Parameters
     ----------
-    found : V of Reconstruction
-        Of one object of one material, each from one photo on the found shape.
+    found : sequence of Reconstruction
+        Of one object, each from one photo on the found shape.
+    material : str
+        Known in the records of photos that do not tell of it.
 
     Returns
     -------
@@ -225,7 +227,9 @@ def signal_of_photos(found: Sequence[Reconstruction]
         Logarithm of each photo's signal over the mean. Neighbouring photos see the same error of
         the shape, so their scatter itself, undivided, is the shape's part of the signal's error.
     """
-    signals = np.array([one.signal[0] for one in found])
+    own = [(one, index) for one in found for index, name in enumerate(one.materials)
+           if name == material and not one.known[index]]
+    signals = np.array([one.signal[index] for one, index in own])
     mean = signals.mean(axis=0)
-    noise = np.mean([one.signal_covariance[0] for one in found], axis=0) / len(found)
+    noise = np.mean([one.signal_covariance[index] for one, index in own], axis=0) / len(own)
     return mean, noise, np.log(signals / mean)

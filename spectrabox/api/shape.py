@@ -1,4 +1,4 @@
-"""Shape of an object with its spectrum, from photos around it."""
+"""Shape of an object with the spectra of its materials, from photos around it."""
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
@@ -23,6 +23,7 @@ from spectrabox.measure.signals import sample, signal_capture
 from spectrabox.measure.signals.options import SampleOptions
 from spectrabox.radiometry import error_model, light_scale
 from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.interreflection import response_matrix, white_signal
 from spectrabox.radiometry.records.calibration import Calibration, LightScale
@@ -30,6 +31,7 @@ from spectrabox.radiometry.records.scenes import Reconstruction
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.radiometry.system.threads import one_blas_thread
+from spectrabox.radiometry.system.words import sharing_a_file
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba, threads_given_back
 from spectrabox.reconstruct.scene import edit_scene
 from spectrabox.reconstruct.scene.scene_file import (
@@ -40,7 +42,7 @@ from spectrabox.reconstruct.scene.scene_file import (
 )
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.shape import mesh as meshes
-from spectrabox.reconstruct.shape import shape_fit
+from spectrabox.reconstruct.shape import paints, shape_fit
 from spectrabox.reconstruct.shape import start as starts
 from spectrabox.reconstruct.view import MaterialSpec, PhotoView
 
@@ -56,7 +58,8 @@ PoseLike = Path | str | Sequence[str | Path] | np.ndarray
 
 
 class ShapeSpectra(SpectrumEstimates):
-    """An object's closed mesh with the estimate of its spectrum, and the photos that it explains.
+    """An object's closed mesh with the estimates of its materials' spectra, and the photos that it
+    explains.
 
     Attributes
     ----------
@@ -64,12 +67,14 @@ class ShapeSpectra(SpectrumEstimates):
         In the unit of the poses.
     faces : (F, 3) int array
         Anticlockwise seen from outside.
+    material_of_face : (F,) int array
+        Number of each face's material, in the order of the estimates.
     photos, renderings : tuples of (H, W, K) arrays
         At the size at which they were compared, relative to white.
-    disagreement : (V, K) array
-        Logarithm of the object's signal by each photo alone, on the found shape, over that by all
-        of them; its scatter over the photos is in the band as the error of the shape.
-    descent : (301,) array
+    disagreement : dict of (V, K) arrays by material
+        Logarithm of its signal by each photo alone that tells of it, on the found shape, over that
+        by all of them; its scatter over the photos is in the band as the error of the shape.
+    descent : dict of (301,) arrays by material
         Reflectance at every nm as the descent left it: a starting point, without an error.
     loss_history : array
         Squared error of every step, relative to the brightest pixel.
@@ -91,20 +96,27 @@ class ShapeSpectra(SpectrumEstimates):
     >>> found.plot_photos()
     """
 
-    def __init__(self, estimate: Estimate, shape: shape_fit.ShapeReconstruction,
-                 found: Sequence[Reconstruction]) -> None:
-        super().__init__([estimate])
-        mean, _, self.disagreement = starts.signal_of_photos(found)
+    def __init__(self, estimates: Sequence[Estimate], shape: shape_fit.ShapeReconstruction,
+                 material_of_face: np.ndarray, found: Sequence[Reconstruction],
+                 painted: paints.PaintLabels) -> None:
+        super().__init__(estimates)
+        by_all = {name: starts.signal_of_photos(found, name) for name in self}
+        self.disagreement = {name: apart for name, (_, _, apart) in by_all.items()}
         self.vertices, self.faces = shape.vertices, shape.faces
+        self.material_of_face = material_of_face
         self.photos = tuple(one.measured for one in found)
-        self.renderings = tuple(one.rendered * mean / one.signal[0] for one in found)
-        self.descent = shape.spectrum
+        # rendered with what each photo tells by itself; shown with what all of them do
+        self.renderings = tuple(
+            one.rendered * (1 + painted.shares[number] @ np.array([
+                by_all[name][0] / one.signal[one.materials.index(name)] - 1 for name in self]))
+            for number, one in enumerate(found))
+        self.descent = dict(zip(self, shape.spectra, strict=True))
         self.loss_history = shape.loss_history
         self.converged = shape.outcome is Outcome.CONVERGED
 
     @threads_given_back()
     def to_ply(self, path: str | Path) -> Path:
-        """Write the mesh as a PLY file with smooth normals, which Mitsuba and others read.
+        """Write the whole mesh as a PLY file with smooth normals, which Mitsuba and others read.
 
         Parameters
         ----------
@@ -123,6 +135,35 @@ class ShapeSpectra(SpectrumEstimates):
         start_mitsuba("auto")
         meshes.write_mesh(Path(path), self.vertices, self.faces)
         return Path(path)
+
+    @threads_given_back()
+    def to_mitsuba(self, path: str | Path) -> Path:
+        """Write a scene to ``<include>``: a shape and a BSDF with the mean reflectance for each
+        material, as XML that a stock Mitsuba 3 loads in a spectral variant.
+
+        Parameters
+        ----------
+        path : path
+            Of an XML file; beside it, PLY files of the same name and that of the material.
+
+        Returns
+        -------
+        Path
+            Of the file.
+
+        Raises
+        ------
+        EnvironmentProblem
+            If a file cannot be written; an older one is left as it was.
+        """
+        start_mitsuba("auto")
+        target, nm = Path(path), self[0].nm
+        files = paints.write_mesh_of_each_paint(target.with_suffix(""), self.vertices, self.faces,
+                                                self.material_of_face, list(self))
+        write_text_whole(target, paints.object_xml(
+            files, list(self), np.array([one.mean for one in self.values()]), (nm[0], nm[-1]),
+            target.parent))
+        return target
 
     def plot_photos(self, count: int = 4) -> Figure:
         """Photos beside renderings of what was found.
@@ -160,14 +201,15 @@ def fit_shape(photos: Sequence[str | Path | Photo | np.ndarray], poses: PoseLike
               white: ArrayLike | None = None, masks: Sequence[ArrayLike] | None = None,
               start: str | Path | tuple[ArrayLike, ArrayLike | float] | None = None,
               intrinsics: ArrayLike | None = None, flash: Sequence[float] = (0.0, 0.0, 0.0),
-              name: str = OBJECT, steps: Sequence[int] = STEPS, width: int = 48,
+              name: str = OBJECT, materials: Sequence[str] | None = None,
+              steps: Sequence[int] = STEPS, width: int = 48,
               light_error: float = 0.0, sensitivity_error: float = 0.0,
               draws: int = SampleOptions.samples, seed: int = 1, device: str = "auto",
               checkpoint: str | Path | None = None, progress: ProgressLike = None) -> ShapeSpectra:
-    """Shape and spectrum of one matt object of one material, from photos around it.
+    """Shape and spectra of one matt object of one or several materials, from photos around it.
 
-    A mesh is moved towards the photos by descent through Mitsuba, coarse to fine; then the spectrum
-    behind all photos together is estimated on the found shape.
+    A mesh is moved towards the photos by descent through Mitsuba, coarse to fine; then the spectra
+    behind all photos together are estimated on the found shape.
 
     Parameters
     ----------
@@ -187,7 +229,8 @@ def fit_shape(photos: Sequence[str | Path | Photo | np.ndarray], poses: PoseLike
         that their poses give it, and exposures that the files state are allowed for. Or a row for
         each photo.
     masks : sequence of V (H, W) arrays, optional
-        Where each photo shows the object: bool, or the share of each pixel, 0 to 1.
+        Where each photo shows the object: bool, or the share of each pixel, 0 to 1; with
+        ``materials`` label images.
     start : path, (vertices, faces) or (centre, radius), optional
         A closed mesh to start from, in place, as PLY or arrays; or a sphere. By default a sphere of
         the place and size of the silhouettes.
@@ -197,7 +240,11 @@ def fit_shape(photos: Sequence[str | Path | Photo | np.ndarray], poses: PoseLike
         Of poses that are no scenes: where the one small lamp is, in the camera's axes and the unit
         of the poses.
     name : str
-        Of the object, in the result.
+        Of the object of one material, in the result.
+    materials : sequence of str, optional
+        Names of the materials of an object that has several. The masks then are label images: 0
+        the ground, 1 where a photo shows the first of these, 2 the second. A face of the mesh has
+        the material that most pixels of all photos find on it.
     steps : sequence of int
         Of the three stages: as the start mesh is; each triangle cut into four; less stiff. Fewer
         numbers leave out the later stages.
@@ -222,7 +269,8 @@ def fit_shape(photos: Sequence[str | Path | Photo | np.ndarray], poses: PoseLike
     Raises
     ------
     InputError
-        If photos and poses do not fit, the ground is bright, or the start mesh is not closed.
+        If photos and poses do not fit, the ground is bright, the start mesh is not closed, or
+        fewer than two photos tell of a material.
     EnvironmentProblem
         If there is no LLVM, or no GPU that was asked for.
     ConvergenceError
@@ -245,6 +293,7 @@ def fit_shape(photos: Sequence[str | Path | Photo | np.ndarray], poses: PoseLike
                          "from around it, better ten or more")
     if masks is not None and len(masks) != len(photos):
         raise InputError(f"{len(masks)} masks were given for {len(photos)} photos; give one each")
+    names, labels = _materials(materials, masks, name)
     if not 1 <= len(steps) <= len(STEPS) or min(steps) < 1:
         raise InputError(f"steps is one to {len(STEPS)} positive numbers, one a stage; {steps!r} "
                          "was given")
@@ -257,25 +306,61 @@ def fit_shape(photos: Sequence[str | Path | Photo | np.ndarray], poses: PoseLike
     spectrum = arguments.as_spectrum(light)
     calibration = _relative_to_white(calibration_from_curves(
         FINE_GRID, arguments.as_curves(camera), spectrum, CURVES_ERROR))
-    views = _views(opened, shown, calibration, white, masks, width)
+    views = _views(opened, shown, calibration, white, [own > 0 for own in labels] or masks, width)
+    painted = _painted(names, labels, views)
     vertices, faces, middle = _start_mesh(start, views)
     same_lamp = np.ndim(white) < 2      # type: ignore[arg-type]
     views = _lit(views, middle, same_lamp)
     with progress_steps(progress, "shape") as show:
         found = shape_fit.reconstruct_shape(
-            views, OBJECT, vertices, faces,
+            views, OBJECT, vertices, faces, painted,
             shape_fit.ShapeSettings(SHAPE_COEFFICIENTS, stages, seed),
             lambda share, message: show(0.9 * share, message),
             None if checkpoint is None else Path(checkpoint))
         middle = (found.vertices.min(axis=0) + found.vertices.max(axis=0)) / 2
-        on_mesh = shape_fit.on_mesh(
-            _lit(views, middle, same_lamp), OBJECT, found.vertices, found.faces,
-            InversionSettings(seed=seed, engine="transport", errors_from_scene=False,
+        material_of_face, on_mesh = shape_fit.on_mesh(
+            _lit(views, middle, same_lamp), OBJECT, found.vertices, found.faces, painted,
+            found.spectra, InversionSettings(seed=seed, engine="transport", errors_from_scene=False,
                               spectrum_prior="smooth"),
             lambda share, message: show(0.9 + 0.1 * share, message))
-    estimate = _estimate(name, on_mesh, arguments.relative_response(camera, spectrum), light_error,
-                         sensitivity_error, SampleOptions(samples=draws, seed=seed))
-    return ShapeSpectra(estimate, found, on_mesh)
+    response = arguments.relative_response(camera, spectrum)
+    estimates = [_estimate(one, on_mesh, response, light_error, sensitivity_error,
+                           SampleOptions(samples=draws, seed=seed)) for one in painted.names]
+    return ShapeSpectra(estimates, found, material_of_face, on_mesh, painted)
+
+
+def _materials(materials: Sequence[str] | None, masks: Sequence[ArrayLike] | None,
+               name: str) -> tuple[tuple[str, ...], tuple[np.ndarray, ...]]:
+    """Names of the object's materials, and label images of the photos if there may be several."""
+    if materials is None:
+        return (name,), ()
+    names = tuple(materials)
+    if isinstance(materials, str) or not names or len(set(names)) < len(names) \
+            or sharing_a_file(names):
+        raise InputError(f"materials={materials!r} was given; give a list of different names, such "
+                         "as materials=[\"red paint\", \"blue paint\"]")
+    if masks is None:
+        raise InputError(f"materials= names {', '.join(names)}, and nothing tells where they are: "
+                         "give masks=, a label image (height, width) for each photo, with 0 for "
+                         f"the ground and 1 to {len(names)} for the materials in this order")
+    return names, tuple(paints.label_image(np.asarray(mask), names, f"photo {number}")
+                        for number, mask in enumerate(masks, start=1))
+
+
+def _painted(names: tuple[str, ...], labels: tuple[np.ndarray, ...],
+             views: Sequence[PhotoView]) -> paints.PaintLabels:
+    """Where the views show the materials; each is shown by two photos or more."""
+    if not labels:
+        return paints.PaintLabels(names, tuple(np.ones((*view.size[::-1], 1)) for view in views))
+    shares = []
+    for view, own in zip(views, labels, strict=True):
+        across, down = (preview.area_weights(source, target) for source, target
+                        in zip(own.shape[::-1], view.size, strict=True))
+        shares.append(np.stack([down @ (own == number + 1) @ across.T
+                                for number in range(len(names))], axis=2))
+    paints.telling_photos(np.array([(share > paints.PURE).sum(axis=(0, 1)) for share in shares]),
+                          names)
+    return paints.PaintLabels(names, tuple(shares), labels)
 
 
 def _relative_to_white(calibration: Calibration) -> Calibration:
@@ -446,9 +531,9 @@ def _lit(views: Sequence[PhotoView], middle: np.ndarray, same_lamp: bool) -> lis
 
 def _estimate(name: str, found: Sequence[Reconstruction], response: np.ndarray,
               light_error: float, sensitivity_error: float, options: SampleOptions) -> Estimate:
-    """The estimate of the object's spectrum; the error of its shape is among those of the signal.
+    """The estimate of a material's spectrum; the error of the shape is among those of the signal.
     """
-    signal, noise, apart = starts.signal_of_photos(found)
+    signal, noise, apart = starts.signal_of_photos(found, name)
     causes = error_model.stated_causes(signal, noise, light_error, sensitivity_error)
     causes[error_model.DISAGREEMENT] = error_model.proportional_covariance(
         signal, np.cov(apart, rowvar=False))
