@@ -14,7 +14,7 @@ PAGE = Path(__file__).resolve().parent / "reference" / "python.md"
 REPOSITORY = PAGE.parents[2]
 GROUPS = {
     "From a photo": ["open_photo", "find_chart", "flat", "fit_camera", "reconstruct_scene",
-                     "fit_shape"],
+                     "fit_shape", "split_texture"],
     "From signals": ["sample", "uplift", "match"],
     "From a name": ["camera", "cameras", "lights"],
     "From an instrument": ["measure_spectrum"],
@@ -24,14 +24,16 @@ GROUPS = {
                                   "SpectrumEstimate", "SpectrumEstimates", "PixelSpectra",
                                   "MeasuredSpectra",
                                   "FlatSpectra",
-                                  "SceneSpectra", "ShapeSpectra", "ColourComparison", "ChartCheck",
+                                  "SceneSpectra", "ShapeSpectra", "SplitTexture",
+                                  "ColourComparison", "ChartCheck",
                                   "ColourProfile", "MatrixComparison", "MeterReading"],
     "Errors": ["SpectraboxError", "InputError", "CheckError", "ChartNotFoundError",
                "ClippedPhotoError", "CalibrationError", "ConvergenceError", "EnvironmentProblem"]}
 SECTIONS = ("Parameters", "Attributes", "Returns", "Raises", "References", "Examples")
 # examples that tests/test_docs.py does not run
 NOT_RUN = {"measure_spectrum": "needs-meter", "MeterReading": "needs-meter",
-           "fit_shape": "needs-photos", "ShapeSpectra": "needs-photos"}
+           "fit_shape": "needs-photos", "ShapeSpectra": "needs-photos",
+           "split_texture": "needs-photos"}
 HEAD = """\
 # Python reference
 

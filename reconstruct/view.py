@@ -416,23 +416,24 @@ def _require_scales(views: Sequence[PhotoView]) -> None:
 
 
 def _require_pixels(views: Sequence[PhotoView]) -> None:
-    """Refuse a material that fills too few usable pixels in all views together; a known one only
-    where it may have to tell a light scale.
+    """Refuse a material that fills too few usable pixels in all views together. Of known ones it is
+    enough that one tells the light scale, or that every view has it.
     """
-    scaled = all(view.light_scale is not None for view in views)
-    for material in {material.bsdf: material for view in views
-                     for material in view.materials}.values():
-        if scaled and material.reflectance is not None:
-            continue
-        seen = usable = 0
-        for view in views:
-            own = np.isin(view.surface,
-                          [index for index, bsdf in enumerate(view.scene_file.surfaces.values())
-                           if bsdf == material.bsdf])
-            seen, usable = seen + int(own.sum()), usable + int((own & view.used).sum())
-        if usable < MIN_PIXELS:
+    materials = {material.bsdf: material for view in views for material in view.materials}
+    seen, usable = dict.fromkeys(materials, 0), dict.fromkeys(materials, 0)
+    for view in views:
+        for bsdf in view.name_of_bsdf:
+            own = np.isin(view.surface, [index for index, each in enumerate(
+                view.scene_file.surfaces.values()) if each == bsdf])
+            seen[bsdf] += int(own.sum())
+            usable[bsdf] += int((own & view.used).sum())
+    told = all(view.light_scale is not None for view in views) or any(
+        usable[bsdf] >= MIN_PIXELS for bsdf, material in materials.items()
+        if material.reflectance is not None)
+    for bsdf, material in materials.items():
+        if usable[bsdf] < MIN_PIXELS and not (told and material.reflectance is not None):
             raise InputError(
-                f"material {material.name!r} fills {seen} pixels of the rendered "
-                f"view{'s' if len(views) > 1 else ''}, {usable} of them usable (unsaturated, "
+                f"material {material.name!r} fills {seen[bsdf]} pixels of the rendered "
+                f"view{'s' if len(views) > 1 else ''}, {usable[bsdf]} of them usable (unsaturated, "
                 f"lit, away from edges); {MIN_PIXELS} are needed: check pose and exposure, or "
                 "raise [reconstruct] width")

@@ -29,6 +29,8 @@ from .api.shape import ShapeSpectra as ShapeSpectra
 from .api.shape import fit_shape as fit_shape
 from .api.signals import match as match
 from .api.signals import sample as sample
+from .api.texture import SplitTexture as SplitTexture
+from .api.texture import split_texture as split_texture
 from .measure.surfaces.colour_comparison import ColourComparison as ColourComparison
 from .radiometry.errors import CalibrationError as CalibrationError
 from .radiometry.errors import ChartNotFoundError as ChartNotFoundError

@@ -308,7 +308,7 @@ def register_spectral_texture() -> None:
 
         def __init__(self, properties: Any) -> None:
             texture.__init__(self, properties)
-            pixels, nm = _read(properties["filename"])
+            pixels, nm = read_spectral_picture(properties["filename"])
             self.height, self.width, self.count = pixels.shape
             self.first, self.step = float(nm[0]), float(nm[1] - nm[0])
             self.values = mi.Float(np.ascontiguousarray(pixels.ravel(), dtype=np.float32))
@@ -343,8 +343,8 @@ def register_spectral_texture() -> None:
     mi.register_texture(plugins.SPECTRAL_PICTURE, lambda properties: SpectralPicture(properties))
 
 
-def _read(path: str) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels (H, W, P) and wavelengths (P,) of the layers T of a file."""
+def read_spectral_picture(path: str) -> tuple[np.ndarray, np.ndarray]:
+    """Pixels (H, W, P) and wavelengths (P,) of the layers T of an EXR file."""
     import mitsuba as mi
     file_resolver: Any = mi.file_resolver       # knows the folder of the file that is loaded
     path = str(file_resolver().resolve(path))

@@ -219,7 +219,8 @@ def _without_spectrum(root: ET.Element) -> list[str]:
                 what = "a picture" if texture == "bitmap" else f"a texture of type {texture!r}"
                 problems.append(f"{name} is coloured by {what}, and a material has one spectrum: "
                                 "give it a plain reflectance (any value), and surfaces of other "
-                                "paints BSDFs of their own")
+                                "paints BSDFs of their own; a texture that you know is cut into "
+                                "known materials by sb.split_texture")
     return problems
 
 

@@ -62,7 +62,8 @@ STATEMENTS: tuple[tuple[str, str, str], ...] = (
      "read as diffuse; its other parameters are named; with a `transmittance` it is refused"),
     ("a picture or pattern as reflectance", REFUSED,
      "a material has one spectrum: give it a plain reflectance; a picture of spectra "
-     "(`[picture]`, `picture=`) finds the pattern"),
+     "(`[picture]`, `picture=`) finds the pattern; a pattern of known spectra is taken as known "
+     "materials after `sb.split_texture`"),
     ("a medium around or inside of shapes (fog)", REFUSED,
      "its light is not traced: take <medium> and the references to it out"),
     ("camera of type `thinlens`", REFUSED,
