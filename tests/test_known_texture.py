@@ -105,3 +105,8 @@ def test_walls_beside_a_known_texture_have_their_spectra(tmp_path):
 def test_what_cannot_be_cut_is_refused(tmp_path, shape, picture, change, words):
     with pytest.raises(sb.InputError, match=words):
         sb.split_texture(box(tmp_path, change), shape, picture)
+
+
+def test_a_scene_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(sb.InputError, match=r"other\.xml is missing"):
+        sb.split_texture(tmp_path / "other.xml", "back", (MAP, PAINTS))

@@ -81,6 +81,8 @@ def split_shape(scene: Path, shape_id: str, paint: np.ndarray, target: Path) -> 
     InputError
         If the scene has no such shape, or the shape no texture coordinates.
     """
+    if not scene.is_file():
+        raise InputError(f"{scene} is missing: give the scene file")
     root = parse_scene(read_text(scene), scene, comments=True)
     shape = next((node for node in root.findall("shape") if node.get("id") == shape_id), None)
     if shape is None:

@@ -37,6 +37,15 @@ class SplitTexture:
         Files of their reflectances, for `reconstruct_scene` or ``[materials.NAME] known``.
     error : float
         Root mean square, over texels and wavelengths, of the reflectance that the paints leave out.
+
+    References
+    ----------
+    Why a material has one spectrum: docs/explanation/reconstruction.md.
+
+    Examples
+    --------
+    >>> split = sb.split_texture("mybox/scene/box.xml", "poster", "mybox/poster.exr", paints=16)
+    >>> print(split.error, *split.materials)
     """
 
     scene: Path
@@ -74,6 +83,11 @@ def split_texture(scene: str | Path, shape: str,
         not fit.
     EnvironmentProblem
         If a file cannot be written.
+
+    References
+    ----------
+    Means of like spectra: Lloyd 1982 (k-means), started as by Arthur and Vassilvitskii 2007.
+    docs/results/reconstruction.md.
 
     Examples
     --------
