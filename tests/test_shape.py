@@ -247,6 +247,7 @@ def test_a_ball_of_two_paints_and_their_spectra_are_found(painted_ball, tmp_path
     ({"materials": ["orange"]}, "0 for the ground, 1 for 'orange'"),
     ({"materials": ["orange", "blue", "green"]}, r"'green' \(label 3\).*in 0 of 6 photos"),
     ({"width": 12}, "larger width="),
+    ({"start": ((5, 5, 5), 0.1)}, "labels, poses and start= belong together"),
     ({"masks": [np.ones((24, 24), int)] * 6}, "the photo has")])
 def test_labels_that_do_not_fit_are_refused(painted_ball, change, words):
     photos, scenes, white, labels = painted_ball

@@ -136,8 +136,7 @@ def votes(scene: Any, shape_id: str, faces: int, labels: np.ndarray, paints: int
 def paint_of_faces(counts: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Paint (F,) of each face by most votes (F, M); of faces that none shows, that of the nearest.
     """
-    middle, shown = vertices[faces].mean(axis=1), counts.sum(axis=1) > 0
-    nearest = np.flatnonzero(shown)[cKDTree(middle[shown]).query(middle)[1]]
+    nearest = _nearest(vertices[faces].mean(axis=1), counts.sum(axis=1) > 0)
     return np.asarray(counts.argmax(axis=1)[nearest])
 
 
@@ -148,9 +147,16 @@ def vertex_weights(counts: np.ndarray, vertices: np.ndarray, faces: np.ndarray) 
     around = np.zeros((len(vertices), counts.shape[1]))
     for corner in range(3):
         np.add.at(around, faces[:, corner], counts)
-    shown = around.sum(axis=1) > 0
-    around = around[np.flatnonzero(shown)[cKDTree(vertices[shown]).query(vertices)[1]]]
+    around = around[_nearest(vertices, around.sum(axis=1) > 0)]
     return np.asarray((around[:, 1:] / np.maximum(np.cumsum(around, axis=1)[:, 1:], 1e-9)).T)
+
+
+def _nearest(places: np.ndarray, shown: np.ndarray) -> np.ndarray:
+    """Index of the nearest of the places (n, 3) that are shown (n,), of each."""
+    if not shown.any():
+        raise InputError("no photo shows the mesh where its label image shows the object: check "
+                         "that labels, poses and start= belong together")
+    return np.asarray(np.flatnonzero(shown)[cKDTree(places[shown]).query(places)[1]])
 
 
 # ---- meshes of several paints --------------------------------------------------------------------
