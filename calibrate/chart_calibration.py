@@ -23,24 +23,12 @@ from spectrabox.calibrate.light_error import LightDeparture, light_departures
 from spectrabox.calibrate.prior.camera_prior import SMOOTH_SOURCE, CameraPrior
 from spectrabox.calibrate.prior.curve_posterior import relit
 from spectrabox.calibrate.spline_fit import SPLINE_COEFFICIENTS
-from spectrabox.radiometry import chart_causes, errors
+from spectrabox.radiometry import chart_causes, errors, interreflection, light_scale, shaped
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding, Severity, worst
-from spectrabox.radiometry.interreflection import response_matrix
-from spectrabox.radiometry.light_scale import scale_from_signals
+from spectrabox.radiometry.records import calibration as calibration_records
 from spectrabox.radiometry.records import spectra
-from spectrabox.radiometry.records.calibration import (
-    Calibration,
-    ChartCopy,
-    ChartWhite,
-    HeldOutPatches,
-    LightPosterior,
-    LightScale,
-    PriorInfluence,
-    SensitivityFit,
-)
 from spectrabox.radiometry.records.photos import MIN_PATCHES
-from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 
 MIN_BANDS = 3
@@ -57,11 +45,11 @@ class CalibrationOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class ChartCalibration(Record):
+class ChartCalibration(shaped.Record):
     """A calibration with everything that led to it."""
 
-    calibration: Calibration
-    scale: LightScale                               # also where the calibration has none
+    calibration: calibration_records.Calibration
+    scale: calibration_records.LightScale           # also where the calibration has none
     predicted: Annotated[np.ndarray, "I K"]
     held_out: Annotated[np.ndarray, "I K"]          # each patch predicted from the others
     delta_e: Annotated[np.ndarray, "I"]             # CIEDE2000 of each patch, fitted
@@ -75,11 +63,12 @@ class ChartCalibration(Record):
     departures: tuple[LightDeparture, ...] = ()     # of the lights that may depart from the stated
     light_evidence: tuple[doubts.LightEvidence,
                           ...] = ()  # on each light of which something was stated
-    copy: ChartCopy | None = None                   # None: the reflectances were stated
+    copy: calibration_records.ChartCopy | None = None  # None: the reflectances were stated
     # of the first photo: what the causes of its faults are told from
     patches: chart_causes.PatchSignals | None = None
 
-    def of_chart(self, patches: HeldOutPatches, names: Sequence[str]) -> list[Finding]:
+    def of_chart(self, patches: calibration_records.HeldOutPatches,
+                 names: Sequence[str]) -> list[Finding]:
         """What is wrong with the first photo's chart itself, and what may be the cause.
 
         Parameters
@@ -102,16 +91,18 @@ class ChartCalibration(Record):
         return findings
 
     @property
-    def prior_influence(self) -> PriorInfluence | None:
+    def prior_influence(self) -> calibration_records.PriorInfluence | None:
         """What of the curves is the prior's; None by methods that use none."""
         fit = self.prior_fit
         if fit is None:
             return None
-        return PriorInfluence(fit.prior_share, tuple(members for members, _ in fit.families),
-                              np.array([probability for _, probability in fit.families]))
+        return calibration_records.PriorInfluence(fit.prior_share,
+                                                  tuple(members for members, _ in fit.families),
+                                                  np.array([probability
+                                                            for _, probability in fit.families]))
 
     @property
-    def white(self) -> ChartWhite | None:
+    def white(self) -> calibration_records.ChartWhite | None:
         """White, field and glare of the first photo; None by methods that fit none."""
         return None if self.prior_fit is None else self.prior_fit.photos[0].white
 
@@ -224,9 +215,10 @@ def _calibrated(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Waveleng
         number = doubts.worst_explained(fitted.prior_fit, fitted.used)
         findings = doubts.told_apart(findings, _patch_signals(fitted, number), fitted.evidence)
 
-    calibration = Calibration(fit, light, None if first.irradiance is None else scale, covariance,
-                              tuple(findings), fitted.light,
-                              isinstance(first.light, spectra.UnknownLight))
+    calibration = calibration_records.Calibration(fit, light,
+                                                  None if first.irradiance is None else scale,
+                                                  covariance, tuple(findings), fitted.light,
+                                                  isinstance(first.light, spectra.UnknownLight))
     return ChartCalibration(calibration, scale, fitted.predicted, signals_without, delta_e,
                             delta_e_without, fitted.prior_fit, fitted.without, ~first.used,
                             first.samples.saturated, fitted.cleaned, first.reflectances,
@@ -239,15 +231,15 @@ def _calibrated(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Waveleng
 class _Fitted(NamedTuple):
     """What a method says of the first photo's chart, and of its light where that was unknown."""
 
-    fit: SensitivityFit
-    scale: LightScale
+    fit: calibration_records.SensitivityFit
+    scale: calibration_records.LightScale
     predicted: np.ndarray       # (I, K)
     held_out: np.ndarray        # (I, K) residuals, relative; each patch left out where one was
     without: PatchesWithout
     cleaned: PatchesWithout     # by fits without patches that others contradict
     of_fit: tuple[Finding, ...]
     prior_fit: sensitivity.PriorFit | None = None
-    light: LightPosterior | None = None
+    light: calibration_records.LightPosterior | None = None
     of_light: tuple[Finding, ...] = ()
     departures: tuple[LightDeparture, ...] = ()
     evidence: tuple[doubts.LightEvidence, ...] = ()
@@ -376,8 +368,8 @@ def _from_measured(photo: chart_photo.ChartPhoto, power: np.ndarray, grid: spect
     unscaled = _chart_signals(photo, grid, curves, power)
     patches, bands = samples.mean.shape
 
-    def scale_by(chosen: np.ndarray) -> LightScale:
-        return scale_from_signals(
+    def scale_by(chosen: np.ndarray) -> calibration_records.LightScale:
+        return light_scale.scale_from_signals(
             samples.mean[chosen], unscaled[chosen],
             chart_copy.COPY_ERROR if photo.editions else sensitivity.CHART_ERROR, "chart photo",
             ~samples.clipped[chosen])
@@ -415,12 +407,12 @@ def _by_splines(photo: chart_photo.ChartPhoto, power: np.ndarray, grid: spectra.
 
 def _chart_signals(photo: chart_photo.ChartPhoto, grid: spectra.WavelengthGrid, curves: np.ndarray,
                    power: np.ndarray) -> np.ndarray:
-    return (photo.reflectances @ response_matrix(grid, curves, power).T
+    return (photo.reflectances @ interreflection.response_matrix(grid, curves, power).T
             * (photo.irradiance_or_pi / np.pi)[:, None])
 
 
-def through_filter(calibration: Calibration, fit: sensitivity.PriorFit, number: int,
-                   grid: spectra.WavelengthGrid) -> Calibration:
+def through_filter(calibration: calibration_records.Calibration, fit: sensitivity.PriorFit,
+                   number: int, grid: spectra.WavelengthGrid) -> calibration_records.Calibration:
     """The calibration of one photo of a fit: that of its light through the photo's filter.
 
     Parameters
@@ -445,7 +437,8 @@ def through_filter(calibration: Calibration, fit: sensitivity.PriorFit, number: 
 
 
 def calibration_from_curves(grid: spectra.WavelengthGrid, curves: np.ndarray,
-                            light: spectra.Spectrum, relative_error: float) -> Calibration:
+                            light: spectra.Spectrum,
+                            relative_error: float) -> calibration_records.Calibration:
     """Calibration from measured curves alone, without a chart photo.
 
     Parameters
@@ -459,11 +452,14 @@ def calibration_from_curves(grid: spectra.WavelengthGrid, curves: np.ndarray,
         Within which predicted signals are taken to be right, independent in each band.
     """
     covariance = np.eye(len(curves)) * relative_error**2
-    return Calibration(_measured_curves(grid, curves, None), light, None, covariance, (
-        Finding("calibration.curves-given", Severity.INFO, values={"error": relative_error}),))
+    return calibration_records.Calibration(_measured_curves(grid, curves, None), light, None,
+                                           covariance, (
+                                               Finding("calibration.curves-given", Severity.INFO,
+                                                       values={"error": relative_error}),))
 
 
 def _measured_curves(grid: spectra.WavelengthGrid, curves: np.ndarray,
-                     residuals: np.ndarray | None) -> SensitivityFit:
-    return SensitivityFit(grid, curves, None, None, None, None, residuals, None, None,
-                          "measured curves from a file", spectra.Outcome.CONVERGED)
+                     residuals: np.ndarray | None) -> calibration_records.SensitivityFit:
+    return calibration_records.SensitivityFit(grid, curves, None, None, None, None, residuals, None,
+                                              None, "measured curves from a file",
+                                              spectra.Outcome.CONVERGED)

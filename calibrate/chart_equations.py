@@ -19,9 +19,8 @@ import numpy as np
 from spectrabox.calibrate.copy_errors import copy_errors
 from spectrabox.radiometry.charts.references import ChartCopies
 from spectrabox.radiometry.covariance import block_diagonal
-from spectrabox.radiometry.records.calibration import Filter
+from spectrabox.radiometry.records import calibration, spectra
 from spectrabox.radiometry.records.photos import PatchSamples
-from spectrabox.radiometry.records.spectra import WavelengthGrid
 from spectrabox.radiometry.shaped import Record
 
 FIELD_SD = 0.15              # of each quadratic term of the log irradiance; a term spans the chart
@@ -98,7 +97,7 @@ class ChartEquations(Record):
     glare_sd: float = GLARE_SD                      # beforehand, of the brightest patch of the band
     # log of the true light over ``power``: sum of independent unit normals times these; None: exact
     light_terms: Annotated[np.ndarray, "P J"] | None = None
-    filter: Filter | None = None                    # before lens or lamp
+    filter: calibration.Filter | None = None        # before lens or lamp
     # of each patch on the chart, the same in photos whose patches err alike; None: in no other
     number: Annotated[np.ndarray, "I"] | None = None
     # bool: signals that say nothing, being clipped; None: none is
@@ -134,10 +133,10 @@ class ChartEquations(Record):
 
 
 def chart_equations(samples: PatchSamples, reflectances: np.ndarray, light: np.ndarray,
-                    irradiance: np.ndarray, grid: WavelengthGrid, *,
+                    irradiance: np.ndarray, grid: spectra.WavelengthGrid, *,
                     positions: np.ndarray | None = None, rows: int | None = None,
                     light_terms: np.ndarray | None = None,
-                    filter: Filter | None = None,
+                    filter: calibration.Filter | None = None,
                     copies: ChartCopies | None = None) -> ChartEquations:
     """One photo in the form that every fit takes, with an unknown offset in each band.
 

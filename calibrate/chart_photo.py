@@ -12,18 +12,12 @@ from typing import Annotated, NoReturn
 
 import numpy as np
 
-from spectrabox.calibrate.chart_equations import (
-    DARK_SHARE,
-    ChartEquations,
-    chart_equations,
-    some_patches,
-)
+from spectrabox.calibrate import chart_equations
 from spectrabox.calibrate.light_error import light_terms
 from spectrabox.radiometry import errors, findings, shaped
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.charts.references import ChartCopies
-from spectrabox.radiometry.records import calibration, spectra
-from spectrabox.radiometry.records.photos import MIN_PATCHES, PatchSamples
+from spectrabox.radiometry.records import calibration, photos, spectra
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 
 
@@ -31,7 +25,7 @@ from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 class ChartPhoto(shaped.Record):
     """A photo of a chart: its patches, their reflectances, and the light on them."""
 
-    samples: PatchSamples
+    samples: photos.PatchSamples
     reflectances: Annotated[np.ndarray, "I P"]
     light: spectra.Spectrum | spectra.UnknownLight
     # On each patch for a light spectrum of 1. None: not known, a smooth field is allowed.
@@ -80,7 +74,7 @@ class ChartPhoto(shaped.Record):
                                     self.light.words)
         return self.light
 
-    def equations(self, grid: spectra.WavelengthGrid) -> ChartEquations:
+    def equations(self, grid: spectra.WavelengthGrid) -> chart_equations.ChartEquations:
         """Of all patches, with a field where the illumination of the chart is not known.
 
         Parameters
@@ -91,13 +85,14 @@ class ChartPhoto(shaped.Record):
         power, _ = light_power(self.light_on(grid), grid)
         positions = self.chart.centres_uv if self.irradiance is None else None
         terms = light_terms(self.light, grid) if isinstance(self.light, spectra.Spectrum) else None
-        return chart_equations(self.samples, self.reflectances, power, self.irradiance_or_pi, grid,
-                               rows=self.chart.rows, positions=positions, light_terms=terms,
-                               filter=self.filter,
-                               copies=self.editions[0] if self.editions else None)
+        return chart_equations.chart_equations(self.samples, self.reflectances, power,
+                                               self.irradiance_or_pi, grid, rows=self.chart.rows,
+                                               positions=positions, light_terms=terms,
+                                               filter=self.filter,
+                                               copies=self.editions[0] if self.editions else None)
 
 
-def first_date(shown: Sequence[PatchSamples]) -> str:
+def first_date(shown: Sequence[photos.PatchSamples]) -> str:
     """When the first of some photos was taken; empty where none says so.
 
     Parameters
@@ -108,7 +103,8 @@ def first_date(shown: Sequence[PatchSamples]) -> str:
 
 
 def used_and_excluded(photos: Sequence[ChartPhoto], grid: spectra.WavelengthGrid
-                      ) -> tuple[list[ChartEquations], ChartEquations | None]:
+                      ) -> tuple[list[chart_equations.ChartEquations],
+                                 chart_equations.ChartEquations | None]:
     """The patches of all photos that are used, and those of the first that are not.
 
     Parameters
@@ -123,9 +119,9 @@ def used_and_excluded(photos: Sequence[ChartPhoto], grid: spectra.WavelengthGrid
         if photo.used.all():
             used.append(equations)
             continue
-        used.append(some_patches(equations, photo.used))
+        used.append(chart_equations.some_patches(equations, photo.used))
         if number == 0:
-            excluded = some_patches(equations, ~photo.used)
+            excluded = chart_equations.some_patches(equations, ~photo.used)
     return used, excluded
 
 
@@ -153,9 +149,9 @@ def require_usable(signal: np.ndarray, filtered: bool = False) -> None:
         If patches are too few or not positive, or two bands give every patch the same signal, as in
         a grey picture.
     """
-    if len(signal) < MIN_PATCHES:
+    if len(signal) < photos.MIN_PATCHES:
         raise errors.CalibrationError(f"{len(signal)} patches are too few to find sensitivities; "
-                               f"{MIN_PATCHES} are needed")
+                               f"{photos.MIN_PATCHES} are needed")
     if filtered:
         return
     bad = np.flatnonzero(~(np.isfinite(signal).all(axis=1) & (signal > 0).all(axis=1)))
@@ -252,7 +248,7 @@ def disagreement_of_bands(signal: np.ndarray, held_out: np.ndarray) -> np.ndarra
 
 def _relative(signal: np.ndarray, held_out: np.ndarray) -> np.ndarray:
     return np.asarray((signal - held_out)
-                      / np.maximum(signal, DARK_SHARE * signal.max(axis=0)))
+                      / np.maximum(signal, chart_equations.DARK_SHARE * signal.max(axis=0)))
 
 
 def refuse_disagreement(explanation: str, signal: np.ndarray, held_out: np.ndarray,

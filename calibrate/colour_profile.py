@@ -14,8 +14,7 @@ from typing import Annotated
 
 import numpy as np
 
-from spectrabox.radiometry import appearance, shaped
-from spectrabox.radiometry.errors import CalibrationError
+from spectrabox.radiometry import appearance, errors, shaped
 from spectrabox.radiometry.records.spectra import WavelengthGrid
 from spectrabox.radiometry.spectra.named_spectra import light
 
@@ -111,8 +110,8 @@ def transform_of_signals(signals: np.ndarray, xyz: np.ndarray, degree: int) -> C
     target = np.einsum("nij,nj->ni", weights, xyz - terms @ start.T).ravel()
     free, _, rank, _ = np.linalg.lstsq(rows, target, rcond=None)
     if rank < free.size:
-        raise CalibrationError("the camera's bands are too alike for a colour profile: only "
-                               f"{rank} of {free.size} coefficients are determined")
+        raise errors.CalibrationError("the camera's bands are too alike for a colour profile: only "
+                                      f"{rank} of {free.size} coefficients are determined")
     return ColourTransform(exponents, start + free.reshape(3, -1) @ basis)
 
 

@@ -28,22 +28,15 @@ from typing import Annotated
 
 import numpy as np
 
+from spectrabox.calibrate import chart_photo, colour_drift, sensitivity
 from spectrabox.calibrate.chart_equations import COLOURS, ChartEquations
-from spectrabox.calibrate.chart_photo import disagreement_of_bands
-from spectrabox.calibrate.colour_drift import FALSE_ALARM, MIN_DRIFT
-from spectrabox.calibrate.prior.camera_prior import CameraPrior
-from spectrabox.calibrate.prior.learnt_prior import UNLIKE
+from spectrabox.calibrate.prior import camera_prior, learnt_prior
 from spectrabox.calibrate.products import product_fit, product_posterior
 from spectrabox.calibrate.products.lamps import Lamps, all_lamps, likeness, product_prior
-from spectrabox.calibrate.sensitivity import PriorFit
-from spectrabox.radiometry import chart_causes
-from spectrabox.radiometry.appearance import tristimulus
-from spectrabox.radiometry.chart import chart_reflectances
+from spectrabox.radiometry import appearance, chart, chart_causes, shaped
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.spectra import UnknownLight, WavelengthGrid
-from spectrabox.radiometry.shaped import Record
-from spectrabox.radiometry.spectra.light_words import LIGHT_KINDS
-from spectrabox.radiometry.spectra.named_spectra import light
+from spectrabox.radiometry.spectra import light_words, named_spectra
 
 SURELY = 0.9                 # probability of an unlike camera above which something may be wrong
 # nats for another lamp, of photos of lamps of the prior by cameras of makers outside it: exceeded
@@ -66,21 +59,21 @@ FREEDOM = 8                  # nine entries less a common scale
 DOUBTFUL = 4.5               # mean square in spreads; 1 in 20 cameras with the right light
 
 
-def unlike_cameras(fit: PriorFit) -> Finding:
+def unlike_cameras(fit: sensitivity.PriorFit) -> Finding:
     """Whether the photos are explained by a camera unlike those measured alone.
 
     Parameters
     ----------
     fit : PriorFit
     """
-    share = float(dict(fit.families).get(UNLIKE, 0.0))
+    share = float(dict(fit.families).get(learnt_prior.UNLIKE, 0.0))
     if share > SURELY and len(fit.families) > 1:
         return Finding("calibration.unlike-cameras", Severity.WARN, values={"probability": share})
     return Finding("calibration.like-cameras", Severity.INFO, values={"probability": share})
 
 
 @dataclass(frozen=True, eq=False)
-class LightEvidence(Record):
+class LightEvidence(shaped.Record):
     """What chart photos say for and against the light that was stated of them."""
 
     stated: str
@@ -109,7 +102,7 @@ class LightEvidence(Record):
             "kinds": dict(zip(self.kinds, self.probabilities.tolist(), strict=True))})
 
 
-def evidence_on_spectrum(stated: str, photo: ChartEquations, cameras: CameraPrior,
+def evidence_on_spectrum(stated: str, photo: ChartEquations, cameras: camera_prior.CameraPrior,
                          grid: WavelengthGrid) -> LightEvidence:
     """The evidence of a chart photo on the spectrum that was stated of its light.
 
@@ -130,12 +123,12 @@ def evidence_on_spectrum(stated: str, photo: ChartEquations, cameras: CameraPrio
         unlit, product_prior(cameras, all_lamps(), product_fit.SEED))
     of_stated = product_posterior.evidence_of_products(
         unlit, product_prior(cameras, alone, product_fit.SEED))
-    return LightEvidence(stated, of_any.log_evidence - of_stated, CONTRADICTS, LIGHT_KINDS,
-                         product_fit.kind_probabilities(of_any))
+    return LightEvidence(stated, of_any.log_evidence - of_stated, CONTRADICTS,
+                         light_words.LIGHT_KINDS, product_fit.kind_probabilities(of_any))
 
 
 def evidence_on_kind(light: UnknownLight, photos: list[ChartEquations],
-                     cameras: CameraPrior) -> LightEvidence:
+                     cameras: camera_prior.CameraPrior) -> LightEvidence:
     """The evidence of chart photos on the kind or the temperature that was stated of their light.
 
     Parameters
@@ -148,7 +141,7 @@ def evidence_on_kind(light: UnknownLight, photos: list[ChartEquations],
     posterior = product_posterior.posterior_of_products(
         photos, product_prior(cameras, all_lamps(), product_fit.SEED))
     return LightEvidence(light.stated, nats_against(posterior, light), KIND_CONTRADICTS,
-                         LIGHT_KINDS, product_fit.kind_probabilities(posterior))
+                         light_words.LIGHT_KINDS, product_fit.kind_probabilities(posterior))
 
 
 def nats_against(posterior: product_posterior.ProductPosterior, light: UnknownLight) -> float:
@@ -178,9 +171,9 @@ def matrix_deviation(camera_from_xyz: np.ndarray, curves: np.ndarray,
         Sensitivities R, G, B on ``grid``, of any scale.
     grid : WavelengthGrid
     """
-    surfaces = chart_reflectances("BabelColor Average", grid)
-    xyz = np.array([tristimulus(grid.nm, surface) for surface in surfaces])
-    signals = surfaces @ (curves * light("D65", grid) * grid.weights_nm).T
+    surfaces = chart.chart_reflectances("BabelColor Average", grid)
+    xyz = np.array([appearance.tristimulus(grid.nm, surface) for surface in surfaces])
+    signals = surfaces @ (curves * named_spectra.light("D65", grid) * grid.weights_nm).T
     predicted = np.linalg.lstsq(xyz, signals, rcond=None)[0].T
     _, sizes, axes = np.linalg.svd(xyz, full_matrices=False)
     scaled_axes = (axes * np.sign(axes[:, :1])).T * sizes / np.sqrt(len(xyz))
@@ -235,7 +228,8 @@ def drifting_light(size: float, chance: float, photo_number: int | None) -> Find
         Of several photos, from 1.
     """
     code, severity = ("light.two-kinds", Severity.WARN) \
-        if chance < FALSE_ALARM and size > MIN_DRIFT else ("light.one-kind", Severity.INFO)
+        if chance < colour_drift.FALSE_ALARM and size > colour_drift.MIN_DRIFT else (
+                "light.one-kind", Severity.INFO)
     return Finding(code, severity, values={"photo_number": photo_number, "drift": size,
                                            "chance": chance})
 
@@ -250,7 +244,7 @@ def disagreeing_bands(signal: np.ndarray, held_out: np.ndarray,
         As of ``disagreement_of_bands``.
     band_names : sequence of K str
     """
-    off = disagreement_of_bands(signal, held_out)
+    off = chart_photo.disagreement_of_bands(signal, held_out)
     return Finding("calibration.bands-disagree", Severity.WARN, values={
         "bands": {band_names[band]: float(off[band]) for band in np.argsort(-off)[:NAMED_BANDS]},
         "median": float(np.median(off))})
@@ -290,7 +284,7 @@ def ranked(patches: chart_causes.PatchSignals,
     return chart_causes.ranked(patches, {chart_causes.LIGHT: max(against, 0.0)})
 
 
-def worst_explained(fit: PriorFit, photos: Sequence[ChartEquations]) -> int:
+def worst_explained(fit: sensitivity.PriorFit, photos: Sequence[ChartEquations]) -> int:
     """Number of the photo that a fit explains worst.
 
     Parameters

@@ -16,12 +16,7 @@ import numpy as np
 
 from spectrabox.calibrate.chart_equations import DARK_SHARE, field_terms
 from spectrabox.calibrate.prior import curve_posterior, prior_fit
-from spectrabox.calibrate.products.lamps import (
-    BY_FORMULA,
-    colour_temperatures,
-    lamps_like,
-    nominal_kind,
-)
+from spectrabox.calibrate.products import lamps as known_lamps
 from spectrabox.radiometry import findings, shaped
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import photos, spectra
@@ -50,7 +45,7 @@ class LightDeparture(shaped.Record):
         return findings.Finding("light.departs", findings.Severity.INFO, values={
             "stated": self.source, "expected": self.expected, "size": self.size,
             "size_error": self.size_error,
-            "kelvin": float(colour_temperatures(self.spectrum[None])[0])})
+            "kelvin": float(known_lamps.colour_temperatures(self.spectrum[None])[0])})
 
 
 def light_terms(light: spectra.Spectrum, grid: spectra.WavelengthGrid) -> np.ndarray | None:
@@ -68,13 +63,15 @@ def light_terms(light: spectra.Spectrum, grid: spectra.WavelengthGrid) -> np.nda
         The departure is the sum of J independent unit normals times these. None: a spectrum that
         was measured, or of a lamp whose spectrum its name settles.
     """
-    kind = nominal_kind(light.source)
+    kind = known_lamps.nominal_kind(light.source)
     if kind is None:
         return None
     stated = spectrum_on_grid(light, FINE_GRID)
-    lamps = lamps_like(spectra.UnknownLight(kind, float(colour_temperatures(stated[None])[0])),
-                       MIRED_SD)
-    computed = np.array([BY_FORMULA in name for name in lamps.names])  # published are few, and odd
+    lamps = known_lamps.lamps_like(
+        spectra.UnknownLight(kind, float(known_lamps.colour_temperatures(stated[None])[0])),
+                                   MIRED_SD)
+    # published are few, and odd
+    computed = np.array([known_lamps.BY_FORMULA in name for name in lamps.names])
     departures = np.log(lamps.spectra[computed] / stated)
     departures -= departures.mean(axis=1, keepdims=True)    # brightness is the exposure's
     weights = lamps.weights[computed] / lamps.weights[computed].sum()

@@ -20,8 +20,7 @@ from spectrabox.measure.shoot import options
 from spectrabox.radiometry import errors, grid
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.findings import Finding
-from spectrabox.radiometry.records import calibration, spectra
-from spectrabox.radiometry.records.photos import LinearImage
+from spectrabox.radiometry.records import calibration, photos, spectra
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.reconstruct.scene import box_tables, edit_scene, scene_file
 
@@ -49,7 +48,7 @@ class InputFile:
 
     name: str                               # as sentences and keys call it
     path: Path
-    opened: LinearImage | None = None       # a photo that is developed already ...
+    opened: photos.LinearImage | None = None  # a photo that is developed already ...
     findings: tuple[Finding, ...] = ()      # ... and what was found meanwhile
 
 

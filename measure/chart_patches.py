@@ -17,21 +17,16 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.calibrate import chart_findings
+from spectrabox.calibrate import chart_findings, chart_photo
 from spectrabox.calibrate.chart_calibration import calibrate_chart
-from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.capture.chart import quality
-from spectrabox.measure import texts
-from spectrabox.measure.camera import ERROR_PREFIX
-from spectrabox.measure.extras import attempt
+from spectrabox.measure import camera, extras, texts
 from spectrabox.measure.held_out_spectra import held_out_patches
+from spectrabox.radiometry import errors, grid
 from spectrabox.radiometry.chart import BEFORE_2014, COPIES_SINCE_2014, Chart
 from spectrabox.radiometry.charts.references import editions
-from spectrabox.radiometry.errors import SpectraboxError, UnexplainedChartError
 from spectrabox.radiometry.findings import Finding, Severity
-from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import photos
-from spectrabox.radiometry.records.spectra import UnknownLight, default_band_names
+from spectrabox.radiometry.records import photos, spectra
 
 
 @dataclass(frozen=True)
@@ -82,8 +77,8 @@ def edition_in_photo(image: photos.LinearImage, chart: Chart, samples: photos.Pa
     excluded : (I,) bool array, optional
         Patches that the operator leaves out.
     """
-    edition, failed = attempt("edition of the chart",
-                              lambda: _edition(image, chart, samples, excluded), None)
+    edition, failed = extras.attempt("edition of the chart",
+                                     lambda: _edition(image, chart, samples, excluded), None)
     if failed is not None:
         return replace(_not_fitted(""), failed=failed)
     assert edition is not None
@@ -100,20 +95,20 @@ def _edition(image: photos.LinearImage, chart: Chart, samples: photos.PatchSampl
     if any(one.code == quality.CONVERTED for one in image.findings):
         return _not_told(Finding("edition.converted", Severity.INFO))
     of = editions(chart, samples.taken_at)
-    photo = ChartPhoto(samples, of[0].mean, UnknownLight(), chart=chart, excluded=excluded,
-                       editions=of)
+    photo = chart_photo.ChartPhoto(samples, of[0].mean, spectra.UnknownLight(), chart=chart,
+                                   excluded=excluded, editions=of)
     left_out = ~photo.used
     try:
         try:
-            fitted = calibrate_chart([photo], FINE_GRID)
-        except UnexplainedChartError as error:
+            fitted = calibrate_chart([photo], grid.FINE_GRID)
+        except errors.UnexplainedChartError as error:
             if error.alone is None:
                 raise
             without = left_out | (np.arange(len(left_out)) == error.alone)
-            fitted = calibrate_chart([replace(photo, excluded=without)], FINE_GRID)
+            fitted = calibrate_chart([replace(photo, excluded=without)], grid.FINE_GRID)
         patches = tuple(chart_findings.at_fault(replace(
             held_out_patches(fitted, fitted.reflectances), excluded=left_out), chart.names))
-    except SpectraboxError as error:
+    except errors.SpectraboxError as error:
         return _not_fitted(type(error).__name__)
     if len(of) == 1:
         return ChartEdition(BEFORE_2014, None, Finding("edition.by-date", Severity.INFO, values={
@@ -185,9 +180,9 @@ def patch_columns(chart: Chart, detection: photos.ChartDetection, samples: photo
     excluded : (I,) array
         Share of samples left out as dust or glints.
     """
-    bands = default_band_names(samples.mean.shape[1])
+    bands = spectra.default_band_names(samples.mean.shape[1])
     columns = {"patch": np.array(chart.names)}
-    for prefix, values in (("", samples.mean), (f"{ERROR_PREFIX} ", samples.standard_error),
+    for prefix, values in (("", samples.mean), (f"{camera.ERROR_PREFIX} ", samples.standard_error),
                            (f"{SPREAD_PREFIX} ", samples.spread),
                            (f"{CLIPPED_PREFIX} ", samples.clipped.astype(int))):
         columns |= {f"{prefix}{band}": values[:, number] for number, band in enumerate(bands)}

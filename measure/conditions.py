@@ -12,18 +12,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from spectrabox.calibrate.chart_findings import edition_told, evidence_since
-from spectrabox.measure import captured, tables, texts
+from spectrabox.measure import captured, tables, texts, words
 from spectrabox.measure.results.facts import Fact, columns, known_facts
-from spectrabox.measure.words import percent
-from spectrabox.radiometry import appearance, error_model, gloss
-from spectrabox.radiometry.chart import COPIES_SINCE_2014
+from spectrabox.radiometry import appearance, chart, error_model, gloss
 from spectrabox.radiometry.findings import Finding, Severity
 
 if TYPE_CHECKING:
     from spectrabox.measure.regions.moved_lamp import InPlace
-    from spectrabox.measure.results.capture_result import CaptureResult, ChartResult
-    from spectrabox.measure.results.flat_result import FlatResult
-    from spectrabox.measure.results.scene_result import SceneResult
+    from spectrabox.measure.results import capture_result, flat_result, scene_result
     from spectrabox.measure.results.surface_result import SurfaceResult
 
 # causes of errors that a condition answers for
@@ -55,7 +51,7 @@ CONDITION_FACTS: tuple[Fact[Finding], ...] = (
     Fact("name", "what it is called", texts.name, "condition"),
     Fact("standing", "measured, stated or assumed", lambda one: one.values["standing"], "is"),
     Fact("error", "standard error that the bands allow for, a share",
-         lambda one: one.values["error"], "error allowed", percent),
+         lambda one: one.values["error"], "error allowed", words.percent),
     Fact("known_by", "how it is known", texts.sentence, "known by"),
     Fact("holds", "how a verdict names it after “if”", lambda one: texts.holds(one) or None),
     Fact("named", "whether the verdict names it", lambda one: one.values["named"]),
@@ -153,13 +149,13 @@ def statements_of(capture: captured.Capture) -> Statements:
         bracket=any(len(files) > 1 for view in views for files in view.photo.values()))
 
 
-def flat_conditions(result: FlatResult) -> tuple[Finding, ...]:
+def flat_conditions(result: flat_result.FlatResult) -> tuple[Finding, ...]:
     """Conditions of flat samples."""
     return (_flat_light(result), _gloss(result, "condition.gloss"), _plane(result), _shadow(result),
             _fluorescence(result), _linearity(result), *_chart_copy(result), _camera(result))
 
 
-def scene_conditions(result: SceneResult) -> tuple[Finding, ...]:
+def scene_conditions(result: scene_result.SceneResult) -> tuple[Finding, ...]:
     """Conditions of scenes, in which plane and shadow are the geometry's."""
     return (_scene_light(result), _light_place(result), _geometry(result),
             _gloss(result, "condition.scene-gloss"), _fluorescence(result),
@@ -181,7 +177,7 @@ def conditions_text(conditions: Sequence[Finding], title: str = "") -> str:
 
 # ---- the conditions ------------------------------------------------------------------------------
 
-def _flat_light(result: FlatResult) -> Finding:
+def _flat_light(result: flat_result.FlatResult) -> Finding:
     cards, every = _cards(result)
     between = not result.stated.chart_in_photo
     common: dict[str, Any] = {"error": allowed_error(result.surfaces, LIGHT_CAUSES),
@@ -204,18 +200,18 @@ def _flat_light(result: FlatResult) -> Finding:
         **common)
 
 
-def _cards(result: FlatResult) -> tuple[list[str], bool]:
+def _cards(result: flat_result.FlatResult) -> tuple[list[str], bool]:
     """Known regions, and whether every photo of samples shows one."""
     return (list(dict.fromkeys(name for photo in result.photos for name in photo.level_misfits)),
             all(photo.level_misfits for photo in result.photos if photo.light))
 
 
-def _by_cards(result: FlatResult) -> str:
+def _by_cards(result: flat_result.FlatResult) -> str:
     """Standing of what known regions tell: that of their own reflectances."""
     return MEASURED if result.stated.known_error <= INSTRUMENT_ERROR else STATED
 
 
-def _by_moved_lamp(result: CaptureResult, fault: float,
+def _by_moved_lamp(result: capture_result.CaptureResult, fault: float,
                    error_in: Callable[[InPlace], float]) -> tuple[str, str, float | None]:
     """Whether photos with the lamp moved would show a fault, as their errors of every sample say:
     standing, how it is known, and the error of the worst sample in its worst place.
@@ -230,7 +226,7 @@ def _by_moved_lamp(result: CaptureResult, fault: float,
     return MEASURED if SURE * error <= fault else ASSUMED, "lamp-moved", error
 
 
-def _plane(result: FlatResult) -> Finding:
+def _plane(result: flat_result.FlatResult) -> Finding:
     standing, known_by, error = _by_moved_lamp(result, DARKER_FAULT, lambda one: one.level_error)
     if standing is ASSUMED and _cards(result)[1]:
         standing, known_by = _by_cards(result), "known-beside"
@@ -241,7 +237,7 @@ def _plane(result: FlatResult) -> Finding:
                      variance_share=allowed_share(result.surfaces, (error_model.SAMPLE_PLANE,)))
 
 
-def _gloss(result: CaptureResult, code: str) -> Finding:
+def _gloss(result: capture_result.CaptureResult, code: str) -> Finding:
     stated, surfaces = result.stated, result.surfaces
     standing, known_by, error = _by_moved_lamp(result, GLOSS_FAULT, lambda one: one.gloss_error)
     if standing is ASSUMED and stated.surfaces:
@@ -258,13 +254,13 @@ def _gloss(result: CaptureResult, code: str) -> Finding:
         names=list(stated.surfaces), usual=float(gloss.USUAL[gloss.SURFACE_WORDS[0]]))
 
 
-def _shadow(result: FlatResult) -> Finding:
+def _shadow(result: flat_result.FlatResult) -> Finding:
     standing, known_by, error = _by_moved_lamp(result, DARKER_FAULT, lambda one: one.level_error)
     return condition("condition.shadow", standing, known_by, error=error, fault="dimmer",
                      fault_size=DARKER_FAULT, lightness=darker_by(result.surfaces, DARKER_FAULT))
 
 
-def _fluorescence(result: CaptureResult) -> Finding:
+def _fluorescence(result: capture_result.CaptureResult) -> Finding:
     """Brighteners and other emission, which no photo tells from reflectance.
 
     Exciting light is absorbed on its way in as emitted light is on its way out, so that little
@@ -275,7 +271,7 @@ def _fluorescence(result: CaptureResult) -> Finding:
                      b_star=largest_change(result.surfaces, emitted, B_STAR))
 
 
-def _linearity(result: CaptureResult) -> Finding:
+def _linearity(result: capture_result.CaptureResult) -> Finding:
     greys = None if result.chart is None else exponent_of_greys(result.chart)
     ways = [way for held, way in ((greys is not None, "greys"),
                                   (result.stated.bracket, "exposures"),
@@ -292,7 +288,7 @@ def _linearity(result: CaptureResult) -> Finding:
         ways=ways, exponent=exponent, exponent_error=spread)
 
 
-def _chart_copy(result: CaptureResult) -> tuple[Finding, ...]:
+def _chart_copy(result: capture_result.CaptureResult) -> tuple[Finding, ...]:
     """Whether the chart is as its reference says; nothing without a chart."""
     if result.chart is None:
         return ()
@@ -306,7 +302,7 @@ def _chart_copy(result: CaptureResult) -> tuple[Finding, ...]:
         standing, known_by, error = MEASURED, "copies", float(copy.level_error[lightest])
         more = {"edition": copy.edition, "white": float(copy.level[lightest]), "nats": nats,
                 "told": edition_told(copy), "as_told": nats is not None and (nats > 0) == (
-                    copy.edition == COPIES_SINCE_2014)}
+                    copy.edition == chart.COPIES_SINCE_2014)}
     elif result.stated.chart_stated:
         standing, known_by = STATED, "reference"
     else:
@@ -316,7 +312,7 @@ def _chart_copy(result: CaptureResult) -> tuple[Finding, ...]:
                       **more),)
 
 
-def _camera(result: CaptureResult) -> Finding:
+def _camera(result: capture_result.CaptureResult) -> Finding:
     standing, known_by = (STATED, "curves") if result.stated.curves else \
         (STATED, "curves-of-file") if result.chart is None else (MEASURED, "fitted")
     return condition("condition.camera", standing, known_by,
@@ -325,7 +321,7 @@ def _camera(result: CaptureResult) -> Finding:
                      source=result.stated.curves)
 
 
-def _scene_light(result: SceneResult) -> Finding:
+def _scene_light(result: scene_result.SceneResult) -> Finding:
     causes = (*BETWEEN_PHOTOS, error_model.KNOWN_SURFACES, error_model.LEVEL_BY_PRIOR)
     standing, known_by = ASSUMED, "stated-errors"
     if result.level_error is not None:
@@ -343,7 +339,7 @@ def _scene_light(result: SceneResult) -> Finding:
                      names=_known_materials(result))
 
 
-def _light_place(result: SceneResult) -> Finding:
+def _light_place(result: scene_result.SceneResult) -> Finding:
     if result.level_error is not None:       # no chart, whose light would be that of another place
         return condition("condition.light-place", STATED, "scene")
     tied = _tied_to_known(result) or not result.scale_from_chart
@@ -355,20 +351,20 @@ def _light_place(result: SceneResult) -> Finding:
                      names=_known_materials(result))
 
 
-def _geometry(result: SceneResult) -> Finding:
+def _geometry(result: scene_result.SceneResult) -> Finding:
     if result.geometry is None:
         return condition("condition.geometry", STATED, "scene")
     return condition("condition.geometry", MEASURED, "estimated",
                      names=[placement.what for placement in result.geometry.placements])
 
 
-def _tied_to_known(result: SceneResult) -> bool:
+def _tied_to_known(result: scene_result.SceneResult) -> bool:
     """Whether surfaces of known spectrum in every photo tie its light."""
     return all(made.known_light is not None for made in
                (result.reconstruction, *(view.reconstruction for view in result.views)))
 
 
-def _known_materials(result: SceneResult) -> list[str]:
+def _known_materials(result: scene_result.SceneResult) -> list[str]:
     return [surface.name for surface in result.surfaces if surface.known]
 
 
@@ -445,7 +441,7 @@ def _mirrored(surfaces: Sequence[SurfaceResult]) -> float | None:
     return max(shares, default=None)
 
 
-def _common_error(result: SceneResult, causes: Sequence[str]) -> float | None:
+def _common_error(result: scene_result.SceneResult, causes: Sequence[str]) -> float | None:
     """Standard error of the light scale by these causes, in the photo where it is largest."""
     scales = [result.light_scale, *(view.reconstruction.light_scale for view in result.views)]
     errors = [float(np.hypot.reduce([0.0, *(error.relative for error in scale.common_errors
@@ -453,7 +449,7 @@ def _common_error(result: SceneResult, causes: Sequence[str]) -> float | None:
     return max(errors) or None
 
 
-def exponent_of_greys(chart: ChartResult) -> tuple[float, float] | None:
+def exponent_of_greys(chart: capture_result.ChartResult) -> tuple[float, float] | None:
     """The power of the light that the signals of a chart's grey patches follow, and its standard
     error; None with too few of them.
 

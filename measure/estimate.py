@@ -13,27 +13,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spectrabox.measure import texts
+from spectrabox.measure import extras, texts
 from spectrabox.measure.advice.advice import Advice
-from spectrabox.measure.extras import attempt
 from spectrabox.measure.surfaces.colour_comparison import Colour
 from spectrabox.measure.surfaces.surface_signals import with_added
 from spectrabox.measure.surfaces.surface_spectra import Scores, score
-from spectrabox.radiometry import appearance
+from spectrabox.radiometry import appearance, files
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
-from spectrabox.radiometry.files import in_folder, write_text_whole
 from spectrabox.radiometry.findings import Finding, Severity
-from spectrabox.radiometry.records.spectra import (
-    Outcome,
-    Quantity,
-    SpectralMeasurement,
-    Spectrum,
-    SpectrumSamples,
-    SpectrumSummary,
-)
+from spectrabox.radiometry.records import spectra as spectral_records
 from spectrabox.radiometry.spectra import given_spectra, spectrum_files
-from spectrabox.sampling.prior import family_coverage, signal_posterior
-from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
+from spectrabox.sampling.prior import family_coverage, mixture, signal_posterior
 from spectrabox.sampling.summary import check_draws, check_level
 
 if TYPE_CHECKING:
@@ -93,19 +83,19 @@ class Estimate:
     """
 
     name: str
-    summary: SpectrumSummary | None
-    measurement: SpectralMeasurement | None = None
+    summary: spectral_records.SpectrumSummary | None
+    measurement: spectral_records.SpectralMeasurement | None = None
     errors: Mapping[str, np.ndarray] = field(default_factory=dict)
-    prior: LogitMixture | None = None
-    samples: SpectrumSamples | None = None
+    prior: mixture.LogitMixture | None = None
+    samples: spectral_records.SpectrumSamples | None = None
     inverse_rendering: np.ndarray | None = None
     given: tuple[np.ndarray, np.ndarray] | None = None
     of_signal: tuple[Finding, ...] = ()
-    truth: Spectrum | None = None
+    truth: spectral_records.Spectrum | None = None
     # what was solved before, so that it need not be solved again: the posterior, or how it ended,
     # the shares of families in it and of causes in its variance
     solved: signal_posterior.SignalPosterior | None = None
-    ended: Outcome | None = None
+    ended: spectral_records.Outcome | None = None
     family_shares: Mapping[str, float] | None = None
     variance_shares: Mapping[str, float] | None = None
     # the draws rest on more than ``measurement``: further readings, or all surfaces of a scene
@@ -133,7 +123,7 @@ class Estimate:
 
     @cached_property
     def _advised(self) -> tuple[tuple[Advice, ...], Finding | None]:
-        return attempt("advice", self.advise, ())
+        return extras.attempt("advice", self.advise, ())
 
     @property
     def nm(self) -> np.ndarray:
@@ -177,7 +167,7 @@ class Estimate:
             return self._summary.lower, self._summary.upper
         if self._solvable:
             lower, upper = self.posterior.band(level)
-            grid_nm = PRIOR_GRID.nm
+            grid_nm = mixture.PRIOR_GRID.nm
         else:
             draws = self._held_draws
             check_draws(draws.effective_samples, level)
@@ -229,7 +219,7 @@ class Estimate:
                                  f"{len(self._held_draws.spectra)}, of a method that cannot draw "
                                  "more here; ask for fewer, or estimate again with more draws")
             return _on(self.nm, self._held_draws.grid.nm, self._held_draws.spectra[:count])
-        return _on(self.nm, PRIOR_GRID.nm, self.posterior.draws(count, seed))
+        return _on(self.nm, mixture.PRIOR_GRID.nm, self.posterior.draws(count, seed))
 
     @property
     def known(self) -> bool:
@@ -359,7 +349,8 @@ class Estimate:
             return []
         if self._outcome.as_intended:
             return family_coverage.certified(self.families)
-        return [Finding("families.none-alike" if self._outcome is Outcome.UNFAMILIAR
+        return [Finding("families.none-alike"
+                        if self._outcome is spectral_records.Outcome.UNFAMILIAR
                         else "families.smoothness", Severity.INFO)]
 
     @property
@@ -640,7 +631,7 @@ class Estimate:
         return dataclasses.replace(self, name=name)
 
     @property
-    def ending(self) -> Outcome | None:
+    def ending(self) -> spectral_records.Outcome | None:
         """How the estimate ended, for programs: ``estimate.ending.value`` is "familiar",
         "unfamiliar", or "out-of-reach" where no spectrum between 0 and 1 gives the signal. None
         where the spectrum was given.
@@ -648,7 +639,7 @@ class Estimate:
         return None if self.given is not None else self._outcome
 
     @property
-    def _outcome(self) -> Outcome:
+    def _outcome(self) -> spectral_records.Outcome:
         if self.samples is not None:
             return self.samples.outcome
         return self.posterior.outcome if self.ended is None else self.ended
@@ -659,12 +650,12 @@ class Estimate:
         return self.prior is not None and not self.from_more
 
     @property
-    def _summary(self) -> SpectrumSummary:
+    def _summary(self) -> spectral_records.SpectrumSummary:
         assert self.summary is not None, "an estimate has a summary unless its spectrum was given"
         return self.summary
 
     @property
-    def _held_draws(self) -> SpectrumSamples:
+    def _held_draws(self) -> spectral_records.SpectrumSamples:
         assert self.samples is not None, "a method without a learnt prior keeps its draws"
         return self.samples
 
@@ -727,9 +718,11 @@ def to_csv(estimates: Mapping[str, Estimate], path: str | Path) -> Path:
                     f"{name} standard_deviation": one.standard_deviation,
                     f"{name} lower": lower, f"{name} upper": upper,
                     f"{name} bound_lower": lowest, f"{name} bound_upper": highest}
-    target = in_folder(path)
+    target = files.in_folder(path)
     nm = next(iter(estimates.values())).nm
-    write_text_whole(target, spectrum_files.table_text(nm, columns, quantity=Quantity.REFLECTANCE,
+    files.write_text_whole(target,
+                           spectrum_files.table_text(nm, columns,
+                                                     quantity=spectral_records.Quantity.REFLECTANCE,
                                         source="spectrabox"))
     return target
 

@@ -4,13 +4,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable, Mapping
 
-from spectrabox.capture.develop.developed import (
-    bright_channels,
-    develop_photos,
-    open_any,
-    stack_bands,
-    strongest_channel,
-)
+from spectrabox.capture.develop import developed
 from spectrabox.capture.photo.stored_images import stated_bands
 from spectrabox.measure import captured
 from spectrabox.radiometry.errors import ClippedPhotoError, InputError
@@ -95,9 +89,10 @@ def develop(capture: captured.Capture, photo: captured.PhotoFiles,
     shortest = None if None in exposures else min(exposure for exposure in exposures
                                                   if exposure is not None)
     every = [(image, channel) for image in images for channel in range(image.signal.shape[2])]
-    stacked = stack_bands([image for image, _ in every], _names_of_channels(photo, channels),
-                          [channel for _, channel in every],
-                          None if shortest is None else [shortest] * len(every))
+    stacked = developed.stack_bands([image for image, _ in every],
+                                    _names_of_channels(photo, channels),
+                                    [channel for _, channel in every],
+                                    None if shortest is None else [shortest] * len(every))
     return dataclasses.replace(stacked, exposure_s=shortest), each_once(findings)
 
 
@@ -109,10 +104,10 @@ def _developed_files(capture: captured.Capture, band: str, files: tuple[captured
         return files[0].opened, files[0].findings
     chosen = capture.development
     flat = chosen.flat_fields.get(band, chosen.flat_fields.get(captured.ONE_PHOTO))
-    return develop_photos([file.path for file in files],
-                          [frame.path for frame in chosen.dark_frames],
-                          None if flat is None else flat.path, chosen.not_linear, channels,
-                          chosen.orientation)
+    return developed.develop_photos([file.path for file in files],
+                                    [frame.path for frame in chosen.dark_frames],
+                                    None if flat is None else flat.path, chosen.not_linear,
+                                    channels, chosen.orientation)
 
 
 def channels_of_photos(capture: captured.Capture) -> Channels:
@@ -122,9 +117,10 @@ def channels_of_photos(capture: captured.Capture) -> Channels:
     """
     charts = [view.chart for view in capture.views_with_chart]
     first = charts[0] if charts else capture.views[0].photo
-    images = (open_any(files[0].path, capture.development.not_linear) for files in first.values())
-    return tuple(bright_channels(image) if capture.sensitivity.curves is None
-                 else (strongest_channel(image),) for image in images)
+    images = (developed.open_any(files[0].path, capture.development.not_linear)
+              for files in first.values())
+    return tuple(developed.bright_channels(image) if capture.sensitivity.curves is None
+                 else (developed.strongest_channel(image),) for image in images)
 
 
 def _names_of_channels(photo: Mapping[str, object], channels: Channels) -> list[str]:

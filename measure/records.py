@@ -9,19 +9,11 @@ from typing import Annotated, Any, Protocol, TypeVar
 
 import numpy as np
 
-from spectrabox.measure import texts
-from spectrabox.measure.captured import View
+from spectrabox.measure import captured, texts
 from spectrabox.measure.pictures import pixel_flags
 from spectrabox.radiometry.findings import Finding, each_once
-from spectrabox.radiometry.records import calibration
-from spectrabox.radiometry.records.photos import (
-    ChartDetection,
-    LinearImage,
-    PatchSamples,
-    RegionSamples,
-    Registration,
-)
-from spectrabox.radiometry.records.scenes import JointReconstruction, SceneGeometry
+from spectrabox.radiometry.records import calibration, scenes
+from spectrabox.radiometry.records import photos as photo_records
 from spectrabox.radiometry.records.spectra import SurfaceSignals, SurfaceSpectrum
 from spectrabox.radiometry.shaped import Record
 
@@ -42,9 +34,9 @@ class KeptRecord(Protocol):
 class MeasuredChart(Record):
     """The chart in one photo."""
 
-    detection: ChartDetection
-    samples: PatchSamples
-    thumbnail: LinearImage                      # of the photo, for its exposure and source
+    detection: photo_records.ChartDetection
+    samples: photo_records.PatchSamples
+    thumbnail: photo_records.LinearImage        # of the photo, for its exposure and source
     light: Annotated[np.ndarray, "I"]           # on the patches, as it changes evenly over them
     findings: tuple[Finding, ...] = ()          # of the photo
 
@@ -61,9 +53,11 @@ class ChartRecords(Record):
 class PhotoRecords(Record):
     """What the step "photo" makes."""
 
-    photos: dict[str, LinearImage]              # by view, at the render's size or thumbnails
-    regions: dict[str, RegionSamples]           # of flat samples, by view, where some are shown
-    registrations: dict[str, Registration]      # by view, of flat samples that the first shows too
+    photos: dict[str, photo_records.LinearImage]  # by view, at the render's size or thumbnails
+    # of flat samples, by view, where some are shown
+    regions: dict[str, photo_records.RegionSamples]
+    # by view, of flat samples that the first shows too
+    registrations: dict[str, photo_records.Registration]
     bands: tuple[str, ...]                      # names, of every photo
     findings: tuple[Finding, ...]               # of files and regions
 
@@ -97,9 +91,9 @@ class CalibrationRecords(Record):
 class ReconstructionRecords(Record):
     """What the step "reconstruct" makes of a scene."""
 
-    joint: JointReconstruction
+    joint: scenes.JointReconstruction
     signals: SurfaceSignals
-    geometry: SceneGeometry                     # that was estimated
+    geometry: scenes.SceneGeometry              # that was estimated
     # XML of the scenes of a measured box, by the first view of each; none of scenes in files
     box_scenes: dict[str, str]
     findings: tuple[Finding, ...] = ()          # of what the scenes state
@@ -226,6 +220,6 @@ class CaptureRecords:
         of_scene = self.reconstruct.findings if "reconstruct" in self._kept else ()
         return each_once((*self.chart.findings, *self.photo.findings, *of_signals, *of_scene))
 
-    def calibrations(self, views: tuple[View, ...]) -> list[calibration.Calibration]:
+    def calibrations(self, views: tuple[captured.View, ...]) -> list[calibration.Calibration]:
         """The calibration of every view, in their order."""
         return [self.calibrate.calibrations[view.name] for view in views]

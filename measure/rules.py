@@ -23,18 +23,16 @@ from spectrabox.radiometry.findings import (
     graded,
     worst,
 )
-from spectrabox.radiometry.records.photos import RegionEdge
+from spectrabox.radiometry.records import photos, spectra
 from spectrabox.radiometry.records.scenes import Reconstruction, SurfaceAgreement
-from spectrabox.radiometry.records.spectra import Outcome, UnknownLight
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.reconstruct import known_light, misfit
 from spectrabox.sampling.prior.family_coverage import mostly_in_doubt
 
 if TYPE_CHECKING:
     from spectrabox.measure.camera import CameraFit
+    from spectrabox.measure.results import flat_result, scene_result
     from spectrabox.measure.results.capture_result import CaptureResult
-    from spectrabox.measure.results.flat_result import FlatResult
-    from spectrabox.measure.results.scene_result import SceneResult
     from spectrabox.measure.scene.rehearsal import Rehearsed
 
 # of a photo, share of its pixels: they are left out, so they cost coverage, not correctness
@@ -193,7 +191,7 @@ def fits(found: CaptureResult) -> list[Finding]:
             for view, fit in {"": found.calibration, **found.other_calibrations}.items()]
 
 
-def ended(outcome: Outcome, photo: str = "") -> tuple[Severity, str, dict[str, Any]]:
+def ended(outcome: spectra.Outcome, photo: str = "") -> tuple[Severity, str, dict[str, Any]]:
     """How a fit ended: severity, subject and values of a finding."""
     return outcome.finding().severity, photo, {"outcome": outcome.value}
 
@@ -338,7 +336,7 @@ def of_camera(fit: CameraFit) -> list[Finding]:
 def camera_fitted(fit: CameraFit) -> Finding:
     """What was fitted of a camera, how surely, and what it is for."""
     light, band = fit.photos[0].light, fit.band
-    if isinstance(light, UnknownLight):
+    if isinstance(light, spectra.UnknownLight):
         stated = f"a light stated as {light.stated}" if light.stated else "an unknown light"
     else:
         stated = "the given light" if fit.light == "given" else fit.light
@@ -353,13 +351,13 @@ def camera_fitted(fit: CameraFit) -> Finding:
 
 # ---- flat samples --------------------------------------------------------------------------------
 
-def flat_findings(found: FlatResult) -> list[Finding]:
+def flat_findings(found: flat_result.FlatResult) -> list[Finding]:
     """Change of the light, levels of known regions, scatter of their pixels, edges across them."""
     return [*light_change(found), *known_levels(found),
             *uneven_regions(found), *edges(found), clipped_flat(found.photo.clipped_share)]
 
 
-def light_change(found: FlatResult) -> list[Finding]:
+def light_change(found: flat_result.FlatResult) -> list[Finding]:
     """How much the light changes from the chart to the regions."""
     levels = np.array([level for photo in found.photos for level, _ in photo.light.values()]
                       + [1.0])
@@ -367,7 +365,7 @@ def light_change(found: FlatResult) -> list[Finding]:
                     values={"value": float(levels.max() / levels.min() - 1)})]
 
 
-def known_levels(found: FlatResult) -> list[Finding]:
+def known_levels(found: flat_result.FlatResult) -> list[Finding]:
     """How far the stated levels of known regions are from what the chart's light gives."""
     misfits = {name: size for photo in found.photos for name, size in photo.level_misfits.items()}
     if not misfits:
@@ -380,7 +378,7 @@ def known_levels(found: FlatResult) -> list[Finding]:
                      if abs(misfit) > white.LEVEL_DOUBTED]})]
 
 
-def uneven_regions(found: FlatResult) -> list[Finding]:
+def uneven_regions(found: flat_result.FlatResult) -> list[Finding]:
     """Whether each region can be one paint, by what its pixels scatter."""
     scatter = {name: value for photo in found.photos for name, value in photo.scatter.items()}
     if not scatter:
@@ -391,7 +389,7 @@ def uneven_regions(found: FlatResult) -> list[Finding]:
         "surfaces": [each for each, value in scatter.items() if value > ONE_PAINT]})]
 
 
-def edges(found: FlatResult) -> list[Finding]:
+def edges(found: flat_result.FlatResult) -> list[Finding]:
     """Whether a shadow's edge, a fold or two paints lie in a region."""
     edges = {name: (edge, photo) for photo in reversed(found.photos)
              for name, edge in photo.edges.items()}
@@ -403,7 +401,7 @@ def edges(found: FlatResult) -> list[Finding]:
                 Finding("flat.no-edge", Severity.INFO, values={"value": 0.0})]
 
 
-def edge_in(region: str, edge: RegionEdge, photo: str = "") -> Finding:
+def edge_in(region: str, edge: photos.RegionEdge, photo: str = "") -> Finding:
     """An edge that runs across a region."""
     steps = np.abs(edge.step[np.isfinite(edge.step)])
     part = edge.larger_part_px
@@ -422,7 +420,7 @@ def clipped_flat(share: float) -> Finding:
 
 # ---- scenes --------------------------------------------------------------------------------------
 
-def scene_findings(found: SceneResult) -> list[Finding]:
+def scene_findings(found: scene_result.SceneResult) -> list[Finding]:
     """Photo against rendering, misfits, the fit, known surfaces, rehearsal, what is not corrected.
     """
     photos = [("", found.reconstruction, found.bands),
@@ -579,7 +577,7 @@ def clipped_scene(share: float) -> Finding:
                    values={"value": share, "passes": CLIPPED_LIMIT})
 
 
-def surfaces_off(found: SceneResult) -> Iterator[Finding]:
+def surfaces_off(found: scene_result.SceneResult) -> Iterator[Finding]:
     """Surfaces of the first photo that are off, though not beyond chance and stated errors."""
     views = (found.reconstruction, *(view.reconstruction for view in found.views))
     named = {one.surface for made in views for one in made.misfits}
@@ -591,7 +589,7 @@ def surfaces_off(found: SceneResult) -> Iterator[Finding]:
                 "value": float(ratio[band] - 1), "band": found.bands[band]})
 
 
-def not_corrected(found: SceneResult) -> Iterator[Finding]:
+def not_corrected(found: scene_result.SceneResult) -> Iterator[Finding]:
     """What was not measured, and counts as the scene says."""
     fit = found.calibration.sensitivity
     if not found.by_flat_field:

@@ -27,20 +27,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from spectrabox.radiometry.covariance import (
-    block_diagonal,
-    common_variance,
-    error_patterns,
-    largest_share,
-)
+from spectrabox.radiometry import covariance as covariances
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.interreflection import white_signal
-from spectrabox.radiometry.records.calibration import (
-    Calibration,
-    CommonError,
-    FittedFilter,
-    LightScale,
-)
+from spectrabox.radiometry.records import calibration as calibration_records
 from spectrabox.radiometry.records.spectra import SurfaceSignals, WavelengthGrid
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 
@@ -155,7 +145,7 @@ class Errors(NamedTuple):
         """
         if relative is None or not relative.any():
             return cls(np.zeros_like(total), total)
-        share = largest_share(total, proportional_covariance(signals, relative))
+        share = covariances.largest_share(total, proportional_covariance(signals, relative))
         relative = share[..., None, None] * relative
         return cls(relative, total - proportional_covariance(signals, relative))
 
@@ -185,7 +175,7 @@ class Errors(NamedTuple):
         largest = np.diagonal(self.relative, axis1=-2, axis2=-1).max(axis=-1)
         kept = seen & (np.diagonal(of_each, axis1=-2, axis2=-1)
                        <= CANCELLING * largest[..., None])
-        common = common_variance(self.relative, np.ones(gain.shape[1]))
+        common = covariances.common_variance(self.relative, np.ones(gain.shape[1]))
         return Errors.of_total(total, sums, np.where(
             kept.all(axis=-1)[..., None, None], of_each, common[..., None, None]))
 
@@ -261,7 +251,8 @@ def glare_signal(share: np.ndarray | float, mean_signal: np.ndarray) -> np.ndarr
     return np.asarray(share * mean_signal)
 
 
-def with_common_error(scale: LightScale, cause: str, relative: float) -> LightScale:
+def with_common_error(scale: calibration_records.LightScale, cause: str,
+                      relative: float) -> calibration_records.LightScale:
     """The scale with one more error, independent of its others, that all bands share.
 
     Parameters
@@ -277,10 +268,10 @@ def with_common_error(scale: LightScale, cause: str, relative: float) -> LightSc
     if error is not None:
         error = float(np.hypot(error, relative * scale.value))
     return dataclasses.replace(scale, standard_error=error, common_errors=(
-        *scale.common_errors, CommonError(cause, relative)))
+        *scale.common_errors, calibration_records.CommonError(cause, relative)))
 
 
-def error_of_each_band(scale: LightScale) -> float:
+def error_of_each_band(scale: calibration_records.LightScale) -> float:
     """Relative standard error of the scale in one band without what all bands share; 0 where
     nobody stated it.
     """
@@ -290,7 +281,8 @@ def error_of_each_band(scale: LightScale) -> float:
     return float(np.sqrt(max((scale.standard_error / scale.value) ** 2 - common, 0.0)))
 
 
-def scale_covariances(calibration: Calibration, scale: LightScale) -> dict[str, np.ndarray]:
+def scale_covariances(calibration: calibration_records.Calibration,
+                      scale: calibration_records.LightScale) -> dict[str, np.ndarray]:
     """Relative covariance (K, K) of what the bands of one photo read of white, by cause.
 
     A known material sets one scale for all bands. A chart to which the curves are fitted too gives
@@ -350,7 +342,8 @@ class ResponseErrors:
             self, by_spectrum=interpolation_matrix(nm, grid.nm).T @ self.by_spectrum)
 
 
-def curve_errors(calibration: Calibration, grid: WavelengthGrid) -> ResponseErrors:
+def curve_errors(calibration: calibration_records.Calibration,
+                 grid: WavelengthGrid) -> ResponseErrors:
     """Errors of the camera's curves, SENSITIVITIES.
 
     With a covariance of the curves they are its principal directions, the same in photos under
@@ -382,7 +375,8 @@ def curve_errors(calibration: Calibration, grid: WavelengthGrid) -> ResponseErro
     return ResponseErrors(changes, changes.sum(axis=1), np.zeros((bands, bands)))
 
 
-def filter_errors(calibration: Calibration, grid: WavelengthGrid) -> ResponseErrors:
+def filter_errors(calibration: calibration_records.Calibration,
+                  grid: WavelengthGrid) -> ResponseErrors:
     """Errors of the filter's transmittance that are independent of the curves' errors, FILTER;
     none of a photo without one.
 
@@ -402,11 +396,11 @@ def filter_errors(calibration: Calibration, grid: WavelengthGrid) -> ResponseErr
             chosen = variances > 0
             shared = _filter_with(calibration.filter, variances[chosen], directions[:, chosen])
             covariance = covariance - shared @ shared.T
-        changes = _by_filter(calibration, grid) @ error_patterns(covariance).T
+        changes = _by_filter(calibration, grid) @ covariances.error_patterns(covariance).T
     return ResponseErrors(changes, changes.sum(axis=1), np.zeros((bands, bands)))
 
 
-def _by_filter(calibration: Calibration, grid: WavelengthGrid) -> np.ndarray:
+def _by_filter(calibration: calibration_records.Calibration, grid: WavelengthGrid) -> np.ndarray:
     """Change (K, P, E) of the response by each mode of the filter, relative to white."""
     assert calibration.filter is not None
     response = calibration.sensitivity.curves * spectrum_on_grid(calibration.light, grid) \
@@ -415,7 +409,7 @@ def _by_filter(calibration: Calibration, grid: WavelengthGrid) -> np.ndarray:
     return np.asarray(response[:, :, None] * calibration.filter.filter.modes)
 
 
-def _filter_with(filter: FittedFilter, variances: np.ndarray,
+def _filter_with(filter: calibration_records.FittedFilter, variances: np.ndarray,
                  directions: np.ndarray) -> np.ndarray:
     """Errors (E, C) of the filter that come with one standard deviation of the curves along each
     of their principal directions.
@@ -425,7 +419,7 @@ def _filter_with(filter: FittedFilter, variances: np.ndarray,
                       * np.where(certain, 1 / np.sqrt(np.where(certain, variances, 1)), 0))
 
 
-def light_errors(calibration: Calibration, grid: WavelengthGrid,
+def light_errors(calibration: calibration_records.Calibration, grid: WavelengthGrid,
                  response: np.ndarray) -> ResponseErrors:
     """Errors of the readings of one light, LIGHT_SPECTRUM, which are independent of each other;
     none where nobody stated them.
@@ -448,7 +442,7 @@ def light_errors(calibration: Calibration, grid: WavelengthGrid,
     return ResponseErrors(changes, changes.sum(axis=1), np.zeros((bands, bands)))
 
 
-def sensitivity_covariance(calibrations: Sequence[Calibration],
+def sensitivity_covariance(calibrations: Sequence[calibration_records.Calibration],
                            surfaces: SurfaceSignals) -> np.ndarray:
     """Covariance (M, J, J) of the signals of M surfaces by the errors of the camera's curves.
 
@@ -479,7 +473,8 @@ def sensitivity_covariance(calibrations: Sequence[Calibration],
     return covariance
 
 
-def light_covariance(calibrations: Sequence[Calibration], surfaces: SurfaceSignals) -> np.ndarray:
+def light_covariance(calibrations: Sequence[calibration_records.Calibration],
+                     surfaces: SurfaceSignals) -> np.ndarray:
     """Covariance (M, J, J) of the signals of M surfaces by the stated errors of each light's
     readings.
 
@@ -504,7 +499,8 @@ def light_covariance(calibrations: Sequence[Calibration], surfaces: SurfaceSigna
     return covariance
 
 
-def filter_covariance(calibrations: Sequence[Calibration], surfaces: SurfaceSignals) -> np.ndarray:
+def filter_covariance(calibrations: Sequence[calibration_records.Calibration],
+                      surfaces: SurfaceSignals) -> np.ndarray:
     """Covariance (M, J, J) of the signals of M surfaces by the errors of each photo's filter.
 
     Parameters
@@ -525,5 +521,5 @@ def _independent_of_views(surfaces: SurfaceSignals,
         by_view.append(errors_of(int(view), surfaces.response[mine]).covariance(
             surfaces.signal[:, mine], surfaces.spectra))
     bands = len(surfaces.bands)     # no surface is no row
-    return np.array([block_diagonal(*blocks) for blocks
+    return np.array([covariances.block_diagonal(*blocks) for blocks
                      in zip(*by_view, strict=True)]).reshape(-1, bands, bands)

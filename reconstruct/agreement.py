@@ -5,11 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.radiometry.findings import Finding, Severity
-from spectrabox.radiometry.light_scale import scale_from_signals
-from spectrabox.radiometry.records.calibration import LightScale
-from spectrabox.radiometry.records.photos import LinearImage
-from spectrabox.radiometry.records.scenes import SurfaceAgreement
+from spectrabox.radiometry import findings, light_scale
+from spectrabox.radiometry.records import calibration, photos, scenes
 
 # (max - min) / mean within 3 x 3 pixels: above, an edge or a shadow boundary runs through
 MAX_CONTRAST = 0.6
@@ -26,7 +23,7 @@ BRIGHTEST_PERCENTILE = 99  # of the irradiance of pixels: above are edges and gl
 BLOCK = 4                # pixels: blocks over which the spread of photo / rendering is taken
 
 
-def usable_pixels(photo: LinearImage, surface: np.ndarray) -> np.ndarray:
+def usable_pixels(photo: photos.LinearImage, surface: np.ndarray) -> np.ndarray:
     """Pixels (H, W) bool that can be compared with a rendering.
 
     One surface fills them, they are unsaturated, lit, and not on an edge or shadow boundary.
@@ -50,9 +47,9 @@ def usable_pixels(photo: LinearImage, surface: np.ndarray) -> np.ndarray:
             & (contrast < MAX_CONTRAST))
 
 
-def surface_agreement(names: tuple[str, ...], materials: tuple[str, ...], photo: LinearImage,
+def surface_agreement(names: tuple[str, ...], materials: tuple[str, ...], photo: photos.LinearImage,
                       renderings: np.ndarray, surface: np.ndarray,
-                      used: np.ndarray) -> SurfaceAgreement:
+                      used: np.ndarray) -> scenes.SurfaceAgreement:
     """Ratio of photo to rendering of each surface and the scatter of that ratio within it.
 
     The photo's own noise is no part of the scatter, nor is that of the rendering where there are
@@ -87,12 +84,12 @@ def surface_agreement(names: tuple[str, ...], materials: tuple[str, ...], photo:
     columns = zip(*rows, strict=True) if rows else ((),) * 5
     kept, kept_materials, pixels, ratios, spreads = columns
     bands = measured.shape[2]
-    return SurfaceAgreement(kept, kept_materials, np.array(pixels, dtype=int),
-                            np.array(ratios).reshape(-1, bands),
-                            np.array(spreads).reshape(-1, bands))
+    return scenes.SurfaceAgreement(kept, kept_materials, np.array(pixels, dtype=int),
+                                   np.array(ratios).reshape(-1, bands),
+                                   np.array(spreads).reshape(-1, bands))
 
 
-def surface_covariance(agreement: SurfaceAgreement, known: frozenset[str],
+def surface_covariance(agreement: scenes.SurfaceAgreement, known: frozenset[str],
                        stated_error: float) -> np.ndarray:
     """Covariance (K, K) between surfaces of log(photo / rendering).
 
@@ -114,7 +111,7 @@ def surface_covariance(agreement: SurfaceAgreement, known: frozenset[str],
                                freedom, stated_error)
 
 
-def _deviations(agreement: SurfaceAgreement,
+def _deviations(agreement: scenes.SurfaceAgreement,
                 known: frozenset[str]) -> tuple[list[np.ndarray], int]:
     """Log(photo / rendering) (S_m, K) of the surfaces of each material that no fit explains, and
     their degrees of freedom: the mean of an unknown material is its spectrum's.
@@ -173,7 +170,7 @@ class SceneErrors:
     pattern: float          # of brightness within a surface, the median of the surfaces
 
 
-def scene_errors(agreement: SurfaceAgreement, known: frozenset[str],
+def scene_errors(agreement: scenes.SurfaceAgreement, known: frozenset[str],
                  regions: int) -> SceneErrors | None:
     """Errors that surfaces of known materials show, and surfaces of one material among themselves.
 
@@ -213,7 +210,7 @@ def within_to_block(regions: int, surfaces: int) -> float:
     return float(np.sqrt(max(regions / surfaces / FIELD_TERMS, 1.0)))
 
 
-def model_covariance(agreement: SurfaceAgreement, material: str, known: frozenset[str],
+def model_covariance(agreement: scenes.SurfaceAgreement, material: str, known: frozenset[str],
                      stated_error: float,
                      taken: np.ndarray | float = 1.0) -> np.ndarray:
     """Relative covariance (K, K) of one material's signal by which photo and model disagree.
@@ -246,7 +243,7 @@ def model_covariance(agreement: SurfaceAgreement, material: str, known: frozense
 
 
 def scale_from_surfaces(measured: np.ndarray, rendered: np.ndarray, surface: np.ndarray,
-                        source: str) -> LightScale:
+                        source: str) -> calibration.LightScale:
     """Light scale from the sums over each surface of known spectrum.
 
     Every band of every surface has the same weight. Sums, not pixels: a fit to single pixels is
@@ -260,8 +257,8 @@ def scale_from_surfaces(measured: np.ndarray, rendered: np.ndarray, surface: np.
     source : str
         Where the scale comes from, in words, for the record.
     """
-    return scale_from_signals(surface_sums(measured, surface), surface_sums(rendered, surface),
-                              SCALE_ERROR, source)
+    return light_scale.scale_from_signals(surface_sums(measured, surface),
+                                          surface_sums(rendered, surface), SCALE_ERROR, source)
 
 
 def surface_sums(image: np.ndarray, surface: np.ndarray) -> np.ndarray:
@@ -336,7 +333,7 @@ def edge_shift(measured: np.ndarray,
     return (shifts[0], shifts[1]), correlation
 
 
-def shifted(measured: np.ndarray, rendered: np.ndarray) -> list[Finding]:
+def shifted(measured: np.ndarray, rendered: np.ndarray) -> list[findings.Finding]:
     """By how much the photo is shifted against its scene, where the edges agree clearly better so.
 
     Parameters
@@ -348,6 +345,6 @@ def shifted(measured: np.ndarray, rendered: np.ndarray) -> list[Finding]:
     if (np.hypot(right, down) < MIN_SHIFT or best < MIN_CORRELATION
             or best - correlation[0, 0] < MIN_GAIN):
         return []
-    return [Finding("scene.shifted", Severity.NOTE, values={
+    return [findings.Finding("scene.shifted", findings.Severity.NOTE, values={
         "right_px": float(right), "down_px": float(down), "width_px": measured.shape[1],
         "correlation": float(best), "unmoved": float(correlation[0, 0])})]

@@ -23,9 +23,7 @@ from spectrabox.radiometry.interreflection import relative_operator
 from spectrabox.radiometry.records.spectra import Outcome, Progress
 from spectrabox.reconstruct.agreement import scale_from_surfaces
 from spectrabox.reconstruct.rendering.renderer import render
-from spectrabox.reconstruct.scene import scene_file
-from spectrabox.reconstruct.scene.scene_file import SceneFile
-from spectrabox.reconstruct.scene.scene_xml import BLACK
+from spectrabox.reconstruct.scene import scene_file, scene_xml
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.view import PhotoView, ViewSolution
 
@@ -146,7 +144,7 @@ def fit_by_gradient(view: PhotoView, settings: InversionSettings,
         optimizer.set_learning_rate(LEARNING_RATE * cosine_rate(max(step - (last - tail), 0)
                                                                 / tail))
         for key in keys:
-            parameters[key] = BLACK + dr.block_sum(
+            parameters[key] = scene_xml.BLACK + dr.block_sum(
                 flat_basis * dr.gather(mi.Float, optimizer[key], column), count)
         parameters.update()
         draw = 2 * (settings.seed * 100003 + step) % 2**32
@@ -175,7 +173,7 @@ def fit_by_gradient(view: PhotoView, settings: InversionSettings,
                        np.array(losses), Outcome.CONVERGED if done else Outcome.STEP_LIMIT)
 
 
-def reflectance_key(parameters: Any, bsdf: str, scene: SceneFile) -> str:
+def reflectance_key(parameters: Any, bsdf: str, scene: scene_file.SceneFile) -> str:
     """Name, among a scene's parameters, of the spectrum of a BSDF that is estimated.
 
     Mitsuba names a BSDF by its id, or by the shape that has it, where the id begins with the name

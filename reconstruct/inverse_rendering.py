@@ -11,15 +11,9 @@ from spectrabox.radiometry import error_model
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.interreflection import white_signal
-from spectrabox.radiometry.records import scenes
-from spectrabox.radiometry.records.calibration import LightScale
-from spectrabox.radiometry.records.spectra import Progress
-from spectrabox.reconstruct.agreement import (
-    model_covariance,
-    scale_from_surfaces,
-    shifted,
-    surface_agreement,
-)
+from spectrabox.radiometry.records import calibration, scenes, spectra
+from spectrabox.reconstruct import agreement as view_agreement
+from spectrabox.reconstruct import view as photo_views
 from spectrabox.reconstruct.fit.transport_fit import TransportFit, band_signals
 from spectrabox.reconstruct.gradient_engine import invert_by_gradient, seconds_of_descent
 from spectrabox.reconstruct.linearity import linearity
@@ -27,23 +21,17 @@ from spectrabox.reconstruct.misfit import surface_misfits, surface_tests
 from spectrabox.reconstruct.scene.scene_file import needs_descent
 from spectrabox.reconstruct.settings import ENGINES, InversionSettings
 from spectrabox.reconstruct.transport_engine import require_lit, require_traceable, solve_views
-from spectrabox.reconstruct.view import (
-    PhotoView,
-    ViewSolution,
-    check_views,
-    same_response,
-    unknown_materials,
-)
 
 # of white: error given to every stacked signal, so that bands which repeat others stay regular
 REDUNDANT = 1e-4
 # engines that take one photo; the others trace the light, and take several
-SINGLE_VIEW: dict[str, Callable[[PhotoView, InversionSettings, Progress], ViewSolution]] = {
-    "gradient": invert_by_gradient}
+SINGLE_VIEW: dict[str, Callable[[photo_views.PhotoView, InversionSettings,
+                                 spectra.Progress], photo_views.ViewSolution]] = {
+                                     "gradient": invert_by_gradient}
 
 
-def reconstruct(view: PhotoView, settings: InversionSettings,
-                progress: Progress) -> scenes.Reconstruction:
+def reconstruct(view: photo_views.PhotoView, settings: InversionSettings,
+                progress: spectra.Progress) -> scenes.Reconstruction:
     """Spectra that explain one photo.
 
     Parameters
@@ -60,7 +48,7 @@ def reconstruct(view: PhotoView, settings: InversionSettings,
     return reconstruct_views((view,), settings, progress).views[0]
 
 
-def settings_for(views: Sequence[PhotoView],
+def settings_for(views: Sequence[photo_views.PhotoView],
                  settings: InversionSettings) -> tuple[InversionSettings, tuple[Finding, ...]]:
     """The settings with the engine that the views' materials need; nothing is traced.
 
@@ -96,7 +84,7 @@ def settings_for(views: Sequence[PhotoView],
     if settings.engine not in SINGLE_VIEW:
         for view in views:
             require_traceable(view, settings)
-    check_views(views)
+    photo_views.check_views(views)
     return settings, chosen
 
 
@@ -109,7 +97,7 @@ class Forecast:
     tracing_bytes: int | None       # besides the program; None where no light is traced
 
 
-def forecast(views: Sequence[PhotoView], settings: InversionSettings) -> Forecast:
+def forecast(views: Sequence[photo_views.PhotoView], settings: InversionSettings) -> Forecast:
     """What ``reconstruct_views`` will take; all that it uses is built, and one step of it is done.
 
     Parameters
@@ -129,7 +117,8 @@ def forecast(views: Sequence[PhotoView], settings: InversionSettings) -> Forecas
     return Forecast(settings.engine, seconds, tracing_bytes)
 
 
-def reconstruct_views(views: Sequence[PhotoView], settings: InversionSettings, progress: Progress,
+def reconstruct_views(views: Sequence[photo_views.PhotoView], settings: InversionSettings,
+                      progress: spectra.Progress,
                       checkpoint: Path | None = None) -> scenes.JointReconstruction:
     """Spectra that explain several photos together: other lights, exposures, viewpoints, cameras.
 
@@ -152,7 +141,7 @@ def reconstruct_views(views: Sequence[PhotoView], settings: InversionSettings, p
         takes one photo is given several.
     """
     settings, chosen = settings_for(views, settings)
-    solutions: tuple[ViewSolution, ...]
+    solutions: tuple[photo_views.ViewSolution, ...]
     if settings.engine in SINGLE_VIEW:
         fits: tuple[TransportFit | None, ...] = (None,)
         solutions = (SINGLE_VIEW[settings.engine](views[0], settings, progress),)
@@ -163,8 +152,8 @@ def reconstruct_views(views: Sequence[PhotoView], settings: InversionSettings, p
     return reconstruction_of(views, fits, solutions, settings)
 
 
-def reconstruction_of(views: Sequence[PhotoView], fits: Sequence[TransportFit | None],
-                      solutions: Sequence[ViewSolution],
+def reconstruction_of(views: Sequence[photo_views.PhotoView], fits: Sequence[TransportFit | None],
+                      solutions: Sequence[photo_views.ViewSolution],
                       settings: InversionSettings) -> scenes.JointReconstruction:
     """The record of a fit and its solutions, one for each view.
 
@@ -182,7 +171,7 @@ def reconstruction_of(views: Sequence[PhotoView], fits: Sequence[TransportFit | 
     return joint_record(views, records, fits, [solution.regions for solution in solutions])
 
 
-def joint_record(views: Sequence[PhotoView], records: Sequence[scenes.Reconstruction],
+def joint_record(views: Sequence[photo_views.PhotoView], records: Sequence[scenes.Reconstruction],
                  fits: Sequence[TransportFit | None],
                  regions: Sequence[scenes.RegionTransport | None]) -> scenes.JointReconstruction:
     """Several photos of the same materials as one record, the bands of all of them stacked.
@@ -201,7 +190,7 @@ def joint_record(views: Sequence[PhotoView], records: Sequence[scenes.Reconstruc
     def alike(number: int) -> list[int]:
         """Views of the same bands in the same fit."""
         return [other for other, view in enumerate(views)
-                if fits[other] is fits[number] and same_response(view, views[number])]
+                if fits[other] is fits[number] and photo_views.same_response(view, views[number])]
     distinct = [number for number in range(len(views)) if alike(number)[0] == number]
     materials = tuple(dict.fromkeys(name for record in records for name in record.materials))
     shown = {name: (record, index) for record in reversed(records)
@@ -218,7 +207,7 @@ def joint_record(views: Sequence[PhotoView], records: Sequence[scenes.Reconstruc
             signal, covariance = np.array(records[0].signal), np.array(records[0].signal_covariance)
             continue
         own = [number for number, each in enumerate(fits) if each is fit]
-        told = unknown_materials([views[number] for number in own])
+        told = photo_views.unknown_materials([views[number] for number in own])
         bands = np.flatnonzero(np.isin(view_of_band, own))
         unknown = np.array([materials.index(material.name) for material in told])
         operator = response[bands] @ views[0].basis(fit.coefficients.shape[1])
@@ -256,28 +245,32 @@ def _on_scene(linear: Finding | None, others: tuple[Finding, ...]) -> tuple[Find
     return others
 
 
-def _record(view: PhotoView, solution: ViewSolution,
+def _record(view: photo_views.PhotoView, solution: photo_views.ViewSolution,
             settings: InversionSettings) -> scenes.Reconstruction:
     """The solution with all that a later stage or a reader needs."""
     # the given scale; or that of the known materials; or that of the fit
     if (scale := view.light_scale) is not None and view.level_error > 0:
         scale = error_model.with_common_error(
-            LightScale(solution.scale[0], 0.0, None, scale.source), error_model.LEVEL_BY_PRIOR,
-            view.level_error)
+            calibration.LightScale(solution.scale[0], 0.0, None, scale.source),
+            error_model.LEVEL_BY_PRIOR, view.level_error)
     elif scale is None:
         known_surface = view.known_surface
         if (known_surface >= 0).any():
-            scale = scale_from_surfaces(view.measured, solution.renderings.mean(axis=0),
-                                        known_surface, f"known material {', '.join(view.known)}")
+            scale = view_agreement.scale_from_surfaces(view.measured,
+                                                       solution.renderings.mean(
+                                                           axis=0), known_surface,
+                                                       f"known material {', '.join(view.known)}")
         else:
             scale = error_model.with_common_error(
-                LightScale(*solution.scale, None, "materials in common with the other photos"),
+                calibration.LightScale(*solution.scale, None,
+                                       "materials in common with the other photos"),
                 error_model.LEVEL_BY_PRIOR, view.level_error)
     renderings = solution.renderings * scale.value
     rendered = renderings.mean(axis=0)
     names = tuple(view.scene_file.surfaces)
     materials = view.surface_materials
-    agreement = surface_agreement(names, materials, view.photo, renderings, view.surface, view.used)
+    agreement = view_agreement.surface_agreement(names, materials, view.photo, renderings,
+                                                 view.surface, view.used)
     stated_error = float(np.hypot(settings.surface_error, settings.brightness_error))
     labels = [f"{material} / {name}" for name, material in zip(names, materials, strict=True)]
     numbers = [agreement.names.index(label) if label in agreement.names else -1 for label in labels]
@@ -301,7 +294,7 @@ def _record(view: PhotoView, solution: ViewSolution,
         coefficients=coefficients, spectra=spectra, white_signal=white, signal=signal,
         signal_covariance=covariance,
         model_covariance=np.array([
-            model_covariance(agreement, material.name, known, stated_error, factor)
+            view_agreement.model_covariance(agreement, material.name, known, stated_error, factor)
             + solution.scene_covariance.get(material.name, 0.0)
             for material, factor in zip(view.scene_materials, taken, strict=True)]),
         measured=view.measured, rendered=rendered, used=view.used,
@@ -309,5 +302,5 @@ def _record(view: PhotoView, solution: ViewSolution,
         agreement=agreement, light_scale=scale, loss_history=solution.loss_history,
         engine=solution.engine, spp=solution.spp, seed=settings.seed, outcome=solution.outcome,
         findings=(*_on_scene(linearity(view, rendered), solution.findings),
-                  *shifted(view.measured, rendered)),
+                  *view_agreement.shifted(view.measured, rendered)),
         misfits=misfits, known_light=solution.known_light)

@@ -13,9 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from spectrabox.radiometry import error_model
-from spectrabox.radiometry.records.calibration import LightScale
-from spectrabox.radiometry.records.photos import LinearImage
-from spectrabox.radiometry.records.scenes import KnownLight
+from spectrabox.radiometry.records import calibration, photos, scenes
 from spectrabox.reconstruct.agreement import SceneErrors, surface_sums
 from spectrabox.reconstruct.view import PhotoView
 
@@ -33,7 +31,7 @@ HUBER, ROUNDS = 1.345, 50       # errors, from which a known surface's pull grow
 
 
 def tie_to_known(view: PhotoView, rendered: np.ndarray,
-                 errors: SceneErrors | None) -> tuple[PhotoView, KnownLight]:
+                 errors: SceneErrors | None) -> tuple[PhotoView, scenes.KnownLight]:
     """The view with level and colour of the light as its known surfaces show them.
 
     Parameters
@@ -77,16 +75,16 @@ def tie_to_known(view: PhotoView, rendered: np.ndarray,
     value, names = float(np.exp(level)), tuple(dict.fromkeys(
         view.surface_materials[index] for index in numbers[lit]))
     scale = error_model.with_common_error(
-        LightScale(value, value * float(np.sqrt(np.mean(tied_error**2))), None, _source(
+        calibration.LightScale(value, value * float(np.sqrt(np.mean(tied_error**2))), None, _source(
             view.light_scale, names)), error_model.KNOWN_SURFACES, float(level_error))
-    found = KnownLight(
+    found = scenes.KnownLight(
         names, None if view.light_scale is None else float(np.exp(seen - expected)),
         None if view.light_scale is None else expected_error, seen_error, float(level_error),
         np.exp(tied), tied_error)
     return view.with_photo(in_chart_light(view.photo, found), scale), found
 
 
-def in_chart_light(photo: LinearImage, light: KnownLight) -> LinearImage:
+def in_chart_light(photo: photos.LinearImage, light: scenes.KnownLight) -> photos.LinearImage:
     """A photo as it would be if the light had the colour that the chart's photo says.
 
     Parameters
@@ -130,7 +128,7 @@ def _of_middle(values: np.ndarray, stated: float) -> np.ndarray:
     return np.asarray(np.maximum(scatter, stated) / np.sqrt(count))
 
 
-def _expected(scale: LightScale | None, bands: int) -> tuple[float, float, float]:
+def _expected(scale: calibration.LightScale | None, bands: int) -> tuple[float, float, float]:
     """Logarithm of the light scale by the chart, its standard error in all bands together, and in
     each.
     """
@@ -151,6 +149,6 @@ def _combined(expected: np.ndarray | float, expected_error: np.ndarray | float,
     return expected + share * (np.asarray(seen) - expected), np.sqrt(share) * seen_error
 
 
-def _source(scale: LightScale | None, names: Sequence[str]) -> str:
+def _source(scale: calibration.LightScale | None, names: Sequence[str]) -> str:
     known = f"known material {', '.join(names)}"
     return known if scale is None else f"{scale.source} and {known}"

@@ -20,8 +20,7 @@ from scipy.sparse import csr_array
 
 from spectrabox.radiometry.interreflection import lower_products, products
 from spectrabox.reconstruct.fit.transport_fit import LAMP_SHARE, smoothed_variance
-from spectrabox.reconstruct.tracer import transport
-from spectrabox.reconstruct.tracer.unit_scene import UnitScene
+from spectrabox.reconstruct.tracer import transport, unit_scene
 
 MAX_NODES = 25_000
 PATHS_OF_NODE = 1024        # at least, of all passes together
@@ -65,8 +64,8 @@ class PixelLight:
         return light
 
 
-def trace_pixel_light(unit: UnitScene, surface: np.ndarray, own: np.ndarray, *, seed: int,
-                      progress: Callable[[float], None],
+def trace_pixel_light(unit: unit_scene.UnitScene, surface: np.ndarray, own: np.ndarray, *,
+                      seed: int, progress: Callable[[float], None],
                       checkpoint: Path | None = None) -> PixelLight:
     """Trace the light on all surfaces of a photo.
 

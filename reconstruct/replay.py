@@ -15,10 +15,8 @@ import numpy as np
 from spectrabox.radiometry.interreflection import products
 from spectrabox.radiometry.records.scenes import JointReconstruction
 from spectrabox.radiometry.records.spectra import Progress
-from spectrabox.reconstruct import transport_engine
-from spectrabox.reconstruct.agreement import BRIGHTEST_PERCENTILE, within_to_block
+from spectrabox.reconstruct import agreement, inverse_rendering, transport_engine
 from spectrabox.reconstruct.fit.transport_fit import TracedView
-from spectrabox.reconstruct.inverse_rendering import reconstruction_of
 from spectrabox.reconstruct.scene.surfaces import region_means
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.view import PhotoView
@@ -97,7 +95,8 @@ def replay(stage: Stage, truth: Truth, rng: np.random.Generator) -> JointReconst
     tied, fits, solutions = transport_engine.solve_by_lamps(
         given, settings, lambda traced, fit: _picture(rendered[id(traced.traced)] @ fit.signals,
                                                       traced.region, traced.view.measured)[None])
-    return reconstruction_of([traced.view for traced in tied], fits, solutions, settings)
+    return inverse_rendering.reconstruction_of([traced.view for traced in tied], fits, solutions,
+                                               settings)
 
 
 def _photographed(traced: TracedView, truth: Truth, number: int, error: np.ndarray,
@@ -128,7 +127,7 @@ def _stray_light(traced: TracedView, truth: Truth, number: int, signal: np.ndarr
     reflected = np.array([response @ truth.reflectances[name] for name in names])[traced.group]
     irradiance = (signal / reflected).mean(axis=1)
     shown = traced.region[traced.region >= 0]
-    brightest = np.percentile(irradiance[shown], BRIGHTEST_PERCENTILE)
+    brightest = np.percentile(irradiance[shown], agreement.BRIGHTEST_PERCENTILE)
     mean = _picture(signal, traced.region, traced.view.measured).mean(axis=(0, 1))
     return np.asarray(truth.glare[number] * mean + truth.ambient[number] * brightest * reflected)
 
@@ -152,8 +151,8 @@ def _patterns(traced: TracedView, rng: np.random.Generator) -> np.ndarray:
     """
     positions = np.moveaxis(np.indices(traced.region.shape), 0, -1).astype(float)
     row, column = region_means(positions, traced.region).T
-    within = traced.nuisances.block_error / within_to_block(len(traced.group),
-                                                            np.unique(traced.group).size)
+    within = traced.nuisances.block_error / agreement.within_to_block(len(traced.group),
+                                                                      np.unique(traced.group).size)
     pattern = np.zeros(len(traced.group))
     for surface in np.unique(traced.group):
         own = traced.group == surface

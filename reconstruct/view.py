@@ -22,11 +22,10 @@ from spectrabox.radiometry.records.spectra import Outcome, Spectrum, WavelengthG
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.reconstruct.agreement import usable_pixels
 from spectrabox.reconstruct.rendering.renderer import load_scene
-from spectrabox.reconstruct.scene import stated
+from spectrabox.reconstruct.scene import stated, surfaces
 from spectrabox.reconstruct.scene.beam import Beam
 from spectrabox.reconstruct.scene.scene_file import SceneFile
 from spectrabox.reconstruct.scene.scene_xml import scene_xml
-from spectrabox.reconstruct.scene.surfaces import surface_map
 
 PHOTO_FLOOR = 0.01       # of a band's median signal: black level and stray light
 PHOTO_ERROR = 0.02  # relative: pose, light profile, lens; keeps bright pixels from ruling the fit
@@ -130,7 +129,7 @@ class PhotoView:
         scene = load_scene(self.xml(dict.fromkeys((material.bsdf for material in self.materials),
                                                   np.full(2, PLACEHOLDER)),
                                     light=ones, bands={"one": ones}))
-        return surface_map(scene, tuple(self.scene_file.surfaces), self.size)
+        return surfaces.surface_map(scene, tuple(self.scene_file.surfaces), self.size)
 
     @cached_property
     def used(self) -> np.ndarray:

@@ -24,9 +24,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from spectrabox.radiometry import error_model, findings
+from spectrabox.radiometry import error_model, findings, grid
 from spectrabox.radiometry.errors import ConvergenceError, InputError
-from spectrabox.radiometry.grid import basis_matrix
 from spectrabox.radiometry.records import spectra
 from spectrabox.sampling.polytope.bounds import reflectance_bounds
 from spectrabox.sampling.prior import mixture_posterior
@@ -191,7 +190,7 @@ def summarise(
     """
     check_draws(samples.effective_samples, level)
     count = samples.coefficients.shape[1]
-    basis = basis_matrix(samples.grid.nm, count)
+    basis = grid.basis_matrix(samples.grid.nm, count)
     bound_lower, bound_upper = reflectance_bounds(spline_operator(measurement, count), basis, level)
     lower, upper = np.quantile(samples.spectra, [(1 - level) / 2, (1 + level) / 2], axis=0)
     covariance = np.cov(samples.spectra, rowvar=False, ddof=0)

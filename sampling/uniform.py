@@ -6,8 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from spectrabox.radiometry import errors, grid
-from spectrabox.radiometry.findings import Finding
+from spectrabox.radiometry import errors, findings, grid
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, SpectrumSamples
 from spectrabox.sampling import spectral_measurement
 from spectrabox.sampling.polytope import tilt, tilted_rejection
@@ -47,7 +46,7 @@ def sample_uniform(measurement: SpectralMeasurement, draws: int, seed: int, coef
 
 
 def as_spectra(draws: spectral_measurement.CoefficientDraws, method: str, seed: int,
-               outcome: Outcome, *findings: Finding) -> SpectrumSamples:
+               outcome: Outcome, *findings: findings.Finding) -> SpectrumSamples:
     """The draws as spectra at 400, 405 ... 700 nm.
 
     Parameters

@@ -198,8 +198,8 @@ def no_advice(monkeypatch):
     """Results without advice on what to do next: a third of the time of a session with its report,
     for tests of something else.
     """
-    from spectrabox.measure.advice import advise
-    monkeypatch.setattr(advise, "advice_on_capture", lambda *_: advise.Advised())
+    from spectrabox.measure.advice import advice, advise
+    monkeypatch.setattr(advise, "advice_on_capture", lambda *_: advice.Advised())
 
 
 @pytest.fixture(scope="session")

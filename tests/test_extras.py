@@ -33,7 +33,7 @@ WHY = "planted: zero-size array"
 # at once, so that an extra of which another is a part is in another group
 OF_A_REPORT = {"pictures": {
     "spectrabox.session.report.cards.Markup": "picture of spectra that look alike",
-    "spectrabox.session.report.page.field_whiskers": "picture of the light on regions",
+    "spectrabox.session.report.figures.field_whiskers": "picture of the light on regions",
     "spectrabox.session.report.figures._corners": "picture of the photo",
     "spectrabox.session.report.figures._colour_bar": "picture of the light over the photo",
     "spectrabox.session.report.spectra._over_wavelengths": "picture of the spectrum",
@@ -41,7 +41,7 @@ OF_A_REPORT = {"pictures": {
     "spectrabox.session.report.figures.css_colour": "picture of the irradiance over the chart"},
     "advice and a section": {
         "spectrabox.measure.advice.advise.advice_on_capture": "advice",
-        "spectrabox.measure.results.surface_result.metamer_pair":
+        "spectrabox.measure.surfaces.colour_comparison.metamer_pair":
             "comparison of spectra that look alike",
         "spectrabox.session.report.sections.swatch_pairs": "section on the chart"},
     "report": {"spectrabox.session.report.page.render_report": "full report"}}

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from spectrabox.capture.meter import serial_line
 from spectrabox.capture.meter.instruments.instrument_errors import (
     InstrumentError,
     NoReplyError,
@@ -13,7 +14,6 @@ from spectrabox.capture.meter.instruments.instrument_errors import (
 )
 from spectrabox.capture.meter.instruments.interface import Identity, MeterSettings
 from spectrabox.capture.meter.measurement import open_instrument, take_reading, trusted_identity
-from spectrabox.capture.meter.serial_line import Pace
 from spectrabox.capture.transcripts import player as transcript_replay
 from spectrabox.capture.transcripts.player import TranscriptPlayer, record, replay_transcript
 from spectrabox.capture.transcripts.transcript import (
@@ -97,7 +97,7 @@ def test_a_driver_that_leaves_the_recording_is_told_where():
     text = read_transcript(FOLDER / "cr250.transcript")
     other = dataclasses.replace(text, facts={**text.facts, "settings": "averages=3"})
     with TranscriptPlayer(other, time_scale=0.0) as player, pytest.raises(NoReplyError):
-        measure_played(other, player.port, Pace(0.01, 0.3))
+        measure_played(other, player.port, serial_line.Pace(0.01, 0.3))
     assert any("the recording has b'SM ExposureX 2" in problem and "sent b'SM ExposureX "
                "3" in problem for problem in player.problems)
 
@@ -112,7 +112,7 @@ def test_a_recording_can_be_recorded_again_and_replayed(tmp_path):
     transcript = read_transcript(FOLDER / "cr250.transcript")
     with TranscriptPlayer(transcript, time_scale=0.0, strict=False) as player, \
             record(tmp_path, "cr250", wanted) as log, \
-            open_instrument("cr250", player.port, log, Pace(0.01, 2.0)) as meter:
+            open_instrument("cr250", player.port, log, serial_line.Pace(0.01, 2.0)) as meter:
         identity = trusted_identity(meter)
         meter.settings(wanted)
         first = [take_reading(meter, identity) for _ in range(3)]
@@ -126,7 +126,7 @@ def test_a_recording_can_be_recorded_again_and_replayed(tmp_path):
 @pytest.mark.parametrize("speed, expected", [(4.0, 0.25), (0.5, 2.0), (0.0, 0.0)])
 def test_a_recording_plays_as_fast_as_is_asked(monkeypatch, speed, expected):
     """Waits of the instrument and limits of its driver alike; without a speed nobody waits."""
-    player, paces = transcript_replay.TranscriptPlayer, []
+    player, make_pace, paces = transcript_replay.TranscriptPlayer, serial_line.Pace, []
     scales = []
 
     def play(transcript, time_scale, over_socket):
@@ -135,10 +135,10 @@ def test_a_recording_plays_as_fast_as_is_asked(monkeypatch, speed, expected):
 
     def pace(scale, **limits):
         paces.append(scale)
-        return Pace(0.0, **limits)
+        return make_pace(0.0, **limits)
 
     monkeypatch.setattr(transcript_replay, "TranscriptPlayer", play)
-    monkeypatch.setattr(transcript_replay, "Pace", pace)
+    monkeypatch.setattr(serial_line, "Pace", pace)
     replay_transcript(read_transcript(FOLDER / "pr655.transcript"), speed=speed)
     assert scales == [expected]
     assert paces == [expected] if expected else 0 < paces[0] < 0.1

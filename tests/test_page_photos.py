@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from served_page import wait_for
 
+from spectrabox.capture.photo import stored_images
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.measure.photo_quality import BRIGHT, brightest_signal, exposure_stops
 from spectrabox.radiometry.errors import InputError
@@ -24,7 +25,7 @@ def path(tmp_path, monkeypatch):
         seen = image(level + np.arange(24.0).reshape(4, 6, 1) * np.ones(3))
         object.__setattr__(seen, "sensor_step", 2.0)
         return seen
-    monkeypatch.setattr(photo_views, "is_image_file", lambda file: True)
+    monkeypatch.setattr(stored_images, "is_image_file", lambda file: True)
     monkeypatch.setattr(photo_views, "open_any", opened)
     (tmp_path / "box.dng").write_bytes(b"1234")
     return tmp_path / "box.dng"

@@ -66,8 +66,8 @@ def test_draws_that_stand_mode_after_mode_spread_as_shuffled_ones_do():
 
 
 def test_results_that_a_run_replaced_meanwhile_make_no_picture(finished, monkeypatch):
-    from spectrabox.measure.scene import relight
-    render = relight.render
+    from spectrabox.reconstruct.rendering import renderer
+    render = renderer.render
 
     def rendered(*arguments, **options):
         facts = finished / "results" / "sample" / "facts.json"
@@ -75,7 +75,7 @@ def test_results_that_a_run_replaced_meanwhile_make_no_picture(finished, monkeyp
         kept["key"]["capture"] = "another"
         facts.write_text(json.dumps(kept), encoding="utf-8")
         return render(*arguments, **options)
-    monkeypatch.setattr(relight, "render", rendered)
+    monkeypatch.setattr(renderer, "render", rendered)
     outcome = call("relight", finished, "--width", "16", "--spp", "1", "--device", "cpu")
     assert outcome.exit_code == 3
     assert "results changed while they were used; run 'spectrabox relight' again" in outcome.output

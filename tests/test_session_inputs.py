@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 
+from spectrabox.capture.develop import developed
 from spectrabox.capture.photo.image_writers import write_exr
 from spectrabox.fixtures.object_views import object_mesh, write_ply
 from spectrabox.measure import opened_photos
@@ -29,7 +30,7 @@ def keys_of(config, files=None):
 def test_results_of_a_photo_that_changed_while_it_was_read_are_refused(captured, monkeypatch,
                                                                       put_back):
     photo = captured / "photos" / "chart.dng"
-    right, read = photo.read_bytes(), opened_photos.develop_photos
+    right, read = photo.read_bytes(), developed.develop_photos
 
     def read_another(*given):
         photo.write_bytes(right[:-1] + bytes([right[-1] ^ 1]))
@@ -39,7 +40,7 @@ def test_results_of_a_photo_that_changed_while_it_was_read_are_refused(captured,
             if put_back:
                 photo.write_bytes(right)
 
-    monkeypatch.setattr(opened_photos, "develop_photos", read_another)
+    monkeypatch.setattr(developed, "develop_photos", read_another)
     with pytest.raises(InputError, match=r"photos/chart\.dng was changed or replaced while"):
         run(captured)
     photo.write_bytes(right)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from spectrabox.radiometry.interreflection import exponents_up_to
-from spectrabox.reconstruct.tracer import transport
+from spectrabox.reconstruct.tracer import path_tracer, transport
 from spectrabox.reconstruct.tracer.path_tracer import (
     GENERATOR,
     ShiftedLattice,
@@ -35,7 +35,7 @@ def box(tmp_path_factory):
 @pytest.fixture
 def short(monkeypatch):
     """Passes of few paths, so that a trace has many."""
-    monkeypatch.setattr(transport, "MAX_POINTS", 1 << 11)
+    monkeypatch.setattr(path_tracer, "MAX_POINTS", 1 << 11)
 
 
 def traced(box, **options):

@@ -14,13 +14,7 @@ import numpy as np
 from spectrabox.calibrate import chart_equations
 from spectrabox.calibrate.prior import camera_prior, prior_fit
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records.calibration import (
-    Calibration,
-    ChartWhite,
-    Filter,
-    FittedFilter,
-    LightScale,
-)
+from spectrabox.radiometry.records import calibration as calibration_records
 from spectrabox.radiometry.shaped import Record
 
 ROUND_OFF = 1e-9             # of the largest value
@@ -44,13 +38,13 @@ class PhotoState(Record):
     glare: Annotated[np.ndarray, "K"]
     glare_error: Annotated[np.ndarray, "K"]
     predicted: Annotated[np.ndarray, "I K"]
-    white: ChartWhite
-    filter: FittedFilter | None = None              # that the photo was taken through
+    white: calibration_records.ChartWhite
+    filter: calibration_records.FittedFilter | None = None  # that the photo was taken through
 
     @property
-    def light_scale(self) -> LightScale:
+    def light_scale(self) -> calibration_records.LightScale:
         """Of the photo, without residuals."""
-        return LightScale(self.scale, self.scale_error, None, "chart photo")
+        return calibration_records.LightScale(self.scale, self.scale_error, None, "chart photo")
 
     @property
     def certain_glare(self) -> np.ndarray:
@@ -164,7 +158,8 @@ def draw_curves(posterior: prior_fit.CurvePosterior, bands: int, draws: int,
     return np.asarray(curves / curves.max(axis=(1, 2), keepdims=True))
 
 
-def sensitivity_draws(calibration: Calibration, draws: int, seed: int) -> np.ndarray:
+def sensitivity_draws(calibration: calibration_records.Calibration, draws: int,
+                      seed: int) -> np.ndarray:
     """Draws (T, K, P) of all curves together from the covariance that a calibration carries.
 
     One Gaussian in place of the mixture that ``draw_curves`` draws from; negative values are set to
@@ -293,16 +288,17 @@ def photo_states(posterior: prior_fit.CurvePosterior, photos: list[chart_equatio
         states.append(PhotoState(
             scale, float(scale * relative), np.exp(photo.field_terms @ own[:terms]), glare,
             glare_error, predicted.reshape(-1, bands),
-            ChartWhite(np.exp(mean[index]) * white, own[:terms], glare,
-                       jacobian @ covariance @ jacobian.T),
-            None if photo.filter is None else FittedFilter(
+            calibration_records.ChartWhite(np.exp(mean[index]) * white, own[:terms], glare,
+                                           jacobian @ covariance @ jacobian.T),
+            None if photo.filter is None else calibration_records.FittedFilter(
                 _with_errors(photo.filter, mean[of_filter]), covariance[of_filter, of_filter],
                 _scaled_rows(moments.coefficients, posterior.basis,
                              covariance[of_filter, :size] / moments.peak))))
     return states
 
 
-def _with_errors(filter: Filter, errors: np.ndarray) -> Filter:
+def _with_errors(filter: calibration_records.Filter,
+                 errors: np.ndarray) -> calibration_records.Filter:
     """The filter whose errors (E,) are known, and what further errors of the same kind do to it."""
     error = filter.modes @ errors
     return replace(

@@ -16,8 +16,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from spectrabox.calibrate import chart_equations, held_out_patches
-from spectrabox.calibrate.copy_errors import Explained
+from spectrabox.calibrate import chart_equations, copy_errors, held_out_patches
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.calibrate.prior.evidence import log_densities
 from spectrabox.radiometry.covariance import block_diagonal
@@ -153,7 +152,7 @@ def posterior_of_curves(photos: list[chart_equations.ChartEquations], prior: Cam
 def held_out_signals(
     photos: list[chart_equations.ChartEquations], prior: CameraPrior, grid: WavelengthGrid,
     posterior: CurvePosterior, excluded: chart_equations.ChartEquations | None = None
-) -> tuple[list[np.ndarray], float, held_out_patches.PatchesWithout, Explained]:
+) -> tuple[list[np.ndarray], float, held_out_patches.PatchesWithout, copy_errors.Explained]:
     """Signals (I, K) of every photo, each patch predicted from all others; chi-square per datum;
     what fits without each say of the patches of the first photo; and the innovations.
 
@@ -215,7 +214,7 @@ def held_out_signals(
                                              posterior.basis, posterior.best_error, patches)
     readable = sum(np.count_nonzero(photo.readable) for photo in photos)
     return (signals, float(innovation @ weighted / readable), without_each,
-            Explained(np.ones(1), weighted[None], inverse))
+            copy_errors.Explained(np.ones(1), weighted[None], inverse))
 
 
 def _joint_prior(prior: CameraPrior, spread: np.ndarray, family: int, gain_sd: float,

@@ -25,9 +25,7 @@ from spectrabox.calibrate import chart_equations
 from spectrabox.calibrate.held_out_patches import covariance_without, weights_without
 from spectrabox.calibrate.prior import prior_fit
 from spectrabox.calibrate.products.lamps import ProductPrior
-from spectrabox.radiometry.covariance import block_diagonal
-from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
-from spectrabox.radiometry.shaped import Record
+from spectrabox.radiometry import covariance, grid, shaped
 
 WIDTHS = ((0.01, 0.2), (0.03, 0.3), (0.1, 0.3), (0.4, 0.2))     # h^2 and its share
 ERRORS = (0.002, 0.004, 0.008, 0.016, 0.032, 0.064)             # of patches against the model
@@ -38,7 +36,7 @@ MAX_COMPONENTS, FAINT = 1000, 1e-4  # that carry the moments; weight of the last
 
 
 @dataclass(frozen=True, eq=False)
-class LinearChart(Record):
+class LinearChart(shaped.Record):
     """Photos as linear equations: Y signals, of a component's X entries and U nuisances."""
 
     measured: Annotated[np.ndarray, "Y"]            # less what the linearisation point explains
@@ -50,7 +48,7 @@ class LinearChart(Record):
 
 
 @dataclass(frozen=True, eq=False)
-class Hypothesis(Record):
+class Hypothesis(shaped.Record):
     """One width of the kernels, spread of gains and model error, and what follows from it."""
 
     width: float
@@ -74,7 +72,7 @@ class Hypothesis(Record):
 
 
 @dataclass(frozen=True, eq=False)
-class ProductPosterior(Record):
+class ProductPosterior(shaped.Record):
     """The mixture over hypotheses, and what it was linearised to."""
 
     prior: ProductPrior
@@ -162,7 +160,7 @@ def linearised(photos: list[chart_equations.ChartEquations], prior: ProductPrior
     measured, by_component, by_nuisance, by_gain, variances = [], [], [], [], []
     for photo, (at, stop) in zip(photos, pairwise(chart_equations.nuisance_starts(photos)),
                                  strict=True):
-        modes = photo.modes(interpolation_matrix(prior.nm, FINE_GRID.nm))
+        modes = photo.modes(grid.interpolation_matrix(prior.nm, grid.FINE_GRID.nm))
         of_filter = nuisance[stop - modes.shape[1]:stop]
         stated, error = node_reflectances(photo, prior.nm), modes @ of_filter
         design = stated * chart_equations.passed(error)
@@ -206,9 +204,9 @@ def node_reflectances(photo: chart_equations.ChartEquations, nm: np.ndarray) -> 
     nm : (N,) array
         Nodes of the products.
     """
-    basis = interpolation_matrix(nm, FINE_GRID.nm)
+    basis = grid.interpolation_matrix(nm, grid.FINE_GRID.nm)
     return np.asarray(photo.reflectances @ (basis * photo.power[:, None])
-                      / (FINE_GRID.weights_nm @ basis))
+                      / (grid.FINE_GRID.weights_nm @ basis))
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,8 +282,9 @@ def _solved(prior: ProductPrior, weighed: _Weighed) -> ProductPosterior:
         projected = np.vstack([width * prior.covariance @ chart.by_component.T,
                                chart.nuisance_variance[:, None] * chart.by_nuisance.T,
                                gain**2 * chart.by_gain.T])
-        before = block_diagonal(width * prior.covariance, np.diag(chart.nuisance_variance),
-                                gain**2 * np.eye(prior.bands))
+        before = covariance.block_diagonal(width * prior.covariance,
+                                           np.diag(chart.nuisance_variance),
+                                           gain**2 * np.eye(prior.bands))
         kalman = projected @ inverse
         hypotheses.append(Hypothesis(
             width, gain, error, float(share), log_weights, innovation @ inverse, inverse, projected,

@@ -13,31 +13,11 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from spectrabox.capture.chart.chart_agreement import (
-    ACCEPTED_RESIDUAL,
-    HOPELESS_RESIDUAL,
-    MIXED_BANDS,
-    PATCH,
-    WORST_ENCODED_PATCH,
-    WORST_PATCH,
-    Agreement,
-    chart_agreement,
-    chart_units,
-    reading_of_reference,
-    unit_scale,
-    wrong_neutral,
-)
+from spectrabox.capture.chart import chart_agreement
 from spectrabox.capture.chart.patches import image_from_sensor, sensor_from_image
 from spectrabox.capture.photo.preview import signal_rgb8
+from spectrabox.radiometry import chart as charts
 from spectrabox.radiometry import errors
-from spectrabox.radiometry.chart import (
-    AS_ASKED,
-    CLASSIC,
-    SQUARE,
-    Chart,
-    corner_patches,
-    table_orders,
-)
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records import photos
 
@@ -70,7 +50,7 @@ KINDS = {(4, 6): cv2.mcc.MCC24, (10, 14): cv2.mcc.SG140}     # rows and columns 
 
 
 def find_chart(image: photos.LinearImage, reference: np.ndarray,
-               corners_px: np.ndarray | None = None, chart: Chart = CLASSIC,
+               corners_px: np.ndarray | None = None, chart: charts.Chart = charts.CLASSIC,
                excluded: np.ndarray | None = None) -> photos.ChartDetection:
     """The chart's patches, detected or checked at the corners that the operator gave.
 
@@ -103,7 +83,7 @@ def find_chart(image: photos.LinearImage, reference: np.ndarray,
 
 
 def locate_chart(image: photos.LinearImage, reference: np.ndarray,
-                 corners_px: np.ndarray | None = None, chart: Chart = CLASSIC,
+                 corners_px: np.ndarray | None = None, chart: charts.Chart = charts.CLASSIC,
                  excluded: np.ndarray | None = None) -> photos.ChartDetection:
     """As ``find_chart``, but a mirrored chart is returned and marked.
 
@@ -117,7 +97,7 @@ def locate_chart(image: photos.LinearImage, reference: np.ndarray,
     ChartNotFoundError, CheckError, InputError
     """
     patches, bands = len(chart.names), image.signal.shape[2]
-    if reference.shape not in ((patches, MIXED_BANDS), (patches, bands)):
+    if reference.shape not in ((patches, chart_agreement.MIXED_BANDS), (patches, bands)):
         raise errors.InputError(
             f"photo {image.source} has {bands} bands and the chart reference is "
             f"{reference.shape}; signals of red, green and blue, or of each band, are "
@@ -127,9 +107,9 @@ def locate_chart(image: photos.LinearImage, reference: np.ndarray,
     reading: str | None = None
     picture = signal_rgb8(image.signal)
     for quads_px, how_found in _proposals(image, picture, corners_px, chart):
-        agreement = chart_agreement(image, quads_px, reference, chart, excluded)
+        agreement = chart_agreement.chart_agreement(image, quads_px, reference, chart, excluded)
         best = min(best, agreement.residual)
-        if agreement.residual <= ACCEPTED_RESIDUAL:
+        if agreement.residual <= chart_agreement.ACCEPTED_RESIDUAL:
             ordered = quads_px[agreement.order]
             try:
                 _require_chart(image, agreement, chart, by_hand=corners_px is not None)
@@ -139,19 +119,19 @@ def locate_chart(image: photos.LinearImage, reference: np.ndarray,
                 refusal = refusal or error
                 continue
             # mirrored: the way along the first row and down the last column turns left, y down
-            corners = corner_patches(chart.rows, chart.columns)[:3]
+            corners = charts.corner_patches(chart.rows, chart.columns)[:3]
             start, turn, end = (ordered[patch].mean(axis=0) for patch in corners)
             return photos.ChartDetection(corners_px=ordered,
                                   confidence=float(np.exp(-agreement.residual / CONFIDENCE_SCALE)),
                                   mirrored=bool(np.linalg.det([turn - start, end - turn]) < 0),
                                   how_found=how_found)
-        neutral = None if refusal else wrong_neutral(image, quads_px, reference, chart,
-                                                     ACCEPTED_RESIDUAL, excluded)
+        neutral = None if refusal else chart_agreement.wrong_neutral(
+            image, quads_px, reference, chart, chart_agreement.ACCEPTED_RESIDUAL, excluded)
         if neutral is not None:
             refusal = _one_neutral(image, *neutral, chart)
         elif corners_px is not None and not chart.has_known_colours:
-            reading = reading or reading_of_reference(image, quads_px, reference, chart,
-                                                      ACCEPTED_RESIDUAL)
+            reading = reading or chart_agreement.reading_of_reference(
+                image, quads_px, reference, chart, chart_agreement.ACCEPTED_RESIDUAL)
     if refusal is not None:
         raise refusal
     if reading is not None:
@@ -160,7 +140,7 @@ def locate_chart(image: photos.LinearImage, reference: np.ndarray,
 
 
 def find_chart_again(image: photos.LinearImage, reference: np.ndarray,
-                     before: photos.ChartDetection, chart: Chart = CLASSIC,
+                     before: photos.ChartDetection, chart: charts.Chart = charts.CLASSIC,
                      excluded: np.ndarray | None = None) -> photos.ChartDetection:
     """The chart in a photo through a filter or under odd light, from the same tripod as another:
     in the same position, which the bands that are bright confirm; else searched for.
@@ -185,10 +165,10 @@ def find_chart_again(image: photos.LinearImage, reference: np.ndarray,
     bright = brightest >= DARK_BAND * brightest.max()
     seen = replace(image, signal=image.signal[..., bright], variance=image.variance[..., bright],
                    saturated=image.saturated[..., bright])
-    agreement = chart_agreement(seen, before.corners_px, reference[:, bright]
-                                if len(bright) == reference.shape[1] else reference, chart,
-                                excluded)
-    if agreement.residual <= ACCEPTED_RESIDUAL and np.array_equal(
+    agreement = chart_agreement.chart_agreement(seen, before.corners_px, reference[:, bright]
+                                                if len(bright) == reference.shape[1] else reference,
+                                                chart, excluded)
+    if agreement.residual <= chart_agreement.ACCEPTED_RESIDUAL and np.array_equal(
             agreement.order, np.arange(len(chart.names))):
         return replace(before, confidence=float(np.exp(-agreement.residual / CONFIDENCE_SCALE)),
                        how_found=Finding("chart.found-in-same-place", Severity.INFO))
@@ -220,7 +200,7 @@ def chart_overlay(image: photos.LinearImage, detection: photos.ChartDetection) -
 
 
 def other_charts(image: photos.LinearImage, detection: photos.ChartDetection,
-                 reference: np.ndarray, chart: Chart = CLASSIC) -> list[np.ndarray]:
+                 reference: np.ndarray, chart: charts.Chart = charts.CLASSIC) -> list[np.ndarray]:
     """Centres (2,) in sensor pixels of further charts in a photo, or cards much like one.
 
     Parameters
@@ -244,7 +224,8 @@ def other_charts(image: photos.LinearImage, detection: photos.ChartDetection,
     for proposed in _mcc_quads(picture, chart):
         quads = sensor_from_image((_fitted_quads(picture, proposed, chart) + 0.5) / scale - 0.5,
                                   image.sensor_step)
-        if chart_agreement(image, quads, reference, chart).residual < HOPELESS_RESIDUAL:
+        if chart_agreement.chart_agreement(image, quads, reference,
+                                           chart).residual < chart_agreement.HOPELESS_RESIDUAL:
             found.append(quads.mean(axis=(0, 1)))
     return found
 
@@ -252,10 +233,11 @@ def other_charts(image: photos.LinearImage, detection: photos.ChartDetection,
 # ---- proposals -----------------------------------------------------------------------------------
 
 def _proposals(image: photos.LinearImage, picture: np.ndarray, corners_px: np.ndarray | None,
-               chart: Chart) -> Iterator[tuple[np.ndarray, Finding]]:
+               chart: charts.Chart) -> Iterator[tuple[np.ndarray, Finding]]:
     """Quadrilaterals (I, 4, 2) in sensor pixels and where they are from, the likeliest first."""
     if corners_px is not None:
-        given = homography(chart_units(chart, chart.fiducials), np.asarray(corners_px, float))
+        given = homography(chart_agreement.chart_units(chart, chart.fiducials),
+                           np.asarray(corners_px, float))
         yield _printed_quads(given, chart), Finding("chart.corners-given", Severity.INFO)
         return
     if not chart.detectable:
@@ -288,7 +270,7 @@ def _resized(picture: np.ndarray, side: int) -> tuple[np.ndarray, float]:
     return cv2.resize(picture, None, fx=scale, fy=scale, interpolation=interpolation), scale
 
 
-def _mcc_quads(rgb8: np.ndarray, chart: Chart = CLASSIC) -> list[np.ndarray]:
+def _mcc_quads(rgb8: np.ndarray, chart: charts.Chart = charts.CLASSIC) -> list[np.ndarray]:
     """Proposals (I, 4, 2) of OpenCV in pixels of the picture."""
     detector = cv2.mcc.CCheckerDetector.create()
     # OpenCV 5.0.0 leaves it uninitialised, and then finds nothing
@@ -305,14 +287,14 @@ def _mcc_quads(rgb8: np.ndarray, chart: Chart = CLASSIC) -> list[np.ndarray]:
             for checker in detector.getListColorChecker()]
 
 
-def _fitted_quads(rgb8: np.ndarray, proposed: np.ndarray, chart: Chart) -> np.ndarray:
+def _fitted_quads(rgb8: np.ndarray, proposed: np.ndarray, chart: charts.Chart) -> np.ndarray:
     """The sampled quadrilaterals after fitting the printed chart to the outlines of the patches.
 
     OpenCV's centres are off by up to a seventh of a patch. The chart is rectified, each patch is
     filled from its middle, and the centroids of those that come out square-sized give the
     homography.
     """
-    centres = chart_units(chart)
+    centres = chart_agreement.chart_units(chart)
     picture_from_chart = homography(centres, proposed.mean(axis=1))
     for _ in range(2):
         centroids, complete = _patch_centroids(rgb8, picture_from_chart, chart)
@@ -326,14 +308,16 @@ def _fitted_quads(rgb8: np.ndarray, proposed: np.ndarray, chart: Chart) -> np.nd
 
 
 def _patch_centroids(rgb8: np.ndarray, picture_from_chart: np.ndarray,
-                     chart: Chart) -> tuple[np.ndarray, np.ndarray]:
+                     chart: charts.Chart) -> tuple[np.ndarray, np.ndarray]:
     """True centre of each patch in units (I, 2), and whether its filled area is that of a patch."""
-    scale, border, centres = RECTIFIED_PX_PER_UNIT, RECTIFIED_BORDER, chart_units(chart)
-    areas = (chart.sizes * unit_scale(chart) * scale).prod(axis=1)
+    scale, border, centres = RECTIFIED_PX_PER_UNIT, RECTIFIED_BORDER, chart_agreement.chart_units(
+        chart)
+    areas = (chart.sizes * chart_agreement.unit_scale(chart) * scale).prod(axis=1)
     chart_from_px = np.array([[1 / scale, 0, 0.5 / scale - border],
                            [0, 1 / scale, 0.5 / scale - border], [0, 0, 1]])
     width, height = (int(scale * (side + 2 * border))
-                     for side in (centres + chart.sizes * unit_scale(chart) / 2).max(axis=0))
+                     for side in (centres + chart.sizes * chart_agreement.unit_scale(chart)
+                                  / 2).max(axis=0))
     rectified = cv2.warpPerspective(rgb8, picture_from_chart @ chart_from_px, (width, height),
                                     flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
     rectified = cv2.medianBlur(rectified, 9)
@@ -350,9 +334,9 @@ def _patch_centroids(rgb8: np.ndarray, picture_from_chart: np.ndarray,
     return centroids, complete
 
 
-def _printed_quads(target_from_chart: np.ndarray, chart: Chart) -> np.ndarray:
-    halves = QUAD_SHARE * (chart.sizes * unit_scale(chart)) / 2
-    squares = chart_units(chart)[:, None] + SQUARE * halves[:, None]
+def _printed_quads(target_from_chart: np.ndarray, chart: charts.Chart) -> np.ndarray:
+    halves = QUAD_SHARE * (chart.sizes * chart_agreement.unit_scale(chart)) / 2
+    squares = chart_agreement.chart_units(chart)[:, None] + charts.SQUARE * halves[:, None]
     return cv2.perspectiveTransform(squares.reshape(1, -1, 2),
                                     target_from_chart).reshape(-1, 4, 2)
 
@@ -380,15 +364,15 @@ def homography(source: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 # ---- verdicts ------------------------------------------------------------------------------------
 
-def _other_order(image: photos.LinearImage, chart: Chart, reading: str) -> str:
+def _other_order(image: photos.LinearImage, chart: charts.Chart, reading: str) -> str:
     return (f"photo {image.source}: the patches agree with the reference of the {chart.name} only "
             f"if one of the two is read {reading}; list the reference row by row, "
             f"{chart.names[0]} first, or name its samples after the patches, and give {CORNERS} "
             f"at {chart.corner_words}")
 
 
-def _require_chart(image: photos.LinearImage, agreement: Agreement, chart: Chart,
-                   by_hand: bool) -> None:
+def _require_chart(image: photos.LinearImage, agreement: chart_agreement.Agreement,
+                   chart: charts.Chart, by_hand: bool) -> None:
     """Refuse patches that agree with the chart as a whole but not in contrast, order or each."""
     lowest, highest = ACCEPTED_CONTRAST
     if not lowest <= agreement.contrast <= highest:
@@ -399,10 +383,11 @@ def _require_chart(image: photos.LinearImage, agreement: Agreement, chart: Chart
     # given corners or a reference in another order, where no published colours of the chart say
     # which of the two is the one to correct
     if by_hand and not chart.has_known_colours:
-        for words, order in table_orders(chart.rows, chart.columns).items():
-            if np.array_equal(order, agreement.order) and words != AS_ASKED:
+        for words, order in charts.table_orders(chart.rows, chart.columns).items():
+            if np.array_equal(order, agreement.order) and words != charts.AS_ASKED:
                 raise errors.CheckError(_other_order(image, chart, words))
-    limit = WORST_PATCH if image.kind is photos.PhotoKind.RAW else WORST_ENCODED_PATCH
+    limit = (chart_agreement.WORST_PATCH if image.kind is photos.PhotoKind.RAW
+             else chart_agreement.WORST_ENCODED_PATCH)
     unlike = np.flatnonzero(agreement.misfit > limit)
     if unlike.size:
         worst = unlike[np.argsort(-agreement.misfit[unlike])]
@@ -425,8 +410,8 @@ def _leaving_out(patches: Sequence[int]) -> str:
             f"(leave_out = [{numbers}] under [chart] of session.toml)")
 
 
-def _one_neutral(image: photos.LinearImage, patch: int, others: Agreement,
-                 chart: Chart) -> errors.CheckError:
+def _one_neutral(image: photos.LinearImage, patch: int, others: chart_agreement.Agreement,
+                 chart: charts.Chart) -> errors.CheckError:
     """The refusal of a chart whose other patches agree."""
     return errors.CheckError(
         f"photo {image.source}: patch {patch + 1} of the chart, {chart.names[patch]}, reads unlike "
@@ -447,7 +432,7 @@ def _dark_bands(image: photos.LinearImage) -> str | None:
 
 
 def _require_gaps(image: photos.LinearImage, picture: np.ndarray, quads_px: np.ndarray,
-                  chart: Chart) -> None:
+                  chart: charts.Chart) -> None:
     """Refuse a card whose patches stand closer than on any ColorChecker Classic."""
     gap = patch_gap(picture, image_from_sensor(quads_px, image.sensor_step), chart)
     if gap is None or gap < MIN_GAP:
@@ -460,7 +445,8 @@ def _require_gaps(image: photos.LinearImage, picture: np.ndarray, quads_px: np.n
             "focus; photograph a ColorChecker Classic in focus")
 
 
-def patch_gap(rgb8: np.ndarray, quads: np.ndarray, chart: Chart = CLASSIC) -> float | None:
+def patch_gap(rgb8: np.ndarray, quads: np.ndarray,
+              chart: charts.Chart = charts.CLASSIC) -> float | None:
     """Median width of the dark gaps between patches / distance of their centres, at half depth.
 
     None where fewer than 6 of the 38 gaps can be seen. Blur can only widen a gap or hide it.
@@ -472,10 +458,10 @@ def patch_gap(rgb8: np.ndarray, quads: np.ndarray, chart: Chart = CLASSIC) -> fl
         Patches in pixels of that picture.
     chart : Chart
     """
-    scale, centres = GAP_PX_PER_UNIT, chart_units(chart)
+    scale, centres = GAP_PX_PER_UNIT, chart_agreement.chart_units(chart)
     last_column, last_row = chart.columns - 1, len(centres) - chart.columns
     matrix = np.diag([scale, scale, 1.0]) @ homography(quads.mean(axis=1), centres)
-    width, height = (int(scale * (side + PATCH / 2)) for side in centres[-1])
+    width, height = (int(scale * (side + chart_agreement.PATCH / 2)) for side in centres[-1])
     reaches = np.array([centres[1, 0] - centres[0, 0], centres[chart.columns, 1] - centres[0, 1]])
     grey = cv2.warpPerspective(rgb8, matrix, (width, height), flags=cv2.INTER_LINEAR).mean(axis=2)
     widths = []
@@ -493,14 +479,15 @@ def patch_gap(rgb8: np.ndarray, quads: np.ndarray, chart: Chart = CLASSIC) -> fl
     return float(np.median(widths)) if len(widths) >= MIN_GAPS else None
 
 
-def _not_found(image: photos.LinearImage, residual: float, chart: Chart, by_hand: bool) -> str:
-    limit = f"at most {ACCEPTED_RESIDUAL} is accepted"
+def _not_found(image: photos.LinearImage, residual: float, chart: charts.Chart,
+               by_hand: bool) -> str:
+    limit = f"at most {chart_agreement.ACCEPTED_RESIDUAL} is accepted"
     if by_hand:
         if not np.isfinite(residual):
             return (f"photo {image.source}: patches at the given corners lie outside the photo; "
                     f"give {CORNERS} as the outer corners of the patch grid at "
                     f"{chart.corner_words}")
-        misfit = "disagree with a chart" if residual < HOPELESS_RESIDUAL else \
+        misfit = "disagree with a chart" if residual < chart_agreement.HOPELESS_RESIDUAL else \
             "are nothing like a chart"
         return (f"photo {image.source}: the patches at the given corners {misfit} (relative rms "
                 f"{residual:.2f}, {limit}); give {CORNERS} as the outer corners of the patch grid "
@@ -515,5 +502,5 @@ def _not_found(image: photos.LinearImage, residual: float, chart: Chart, by_hand
         "photograph the whole chart, none of its patches cut off, so that it fills at least a "
         f"{MIN_WIDTH_WORDS} of the frame's width, in even light without glare; where it is there "
         f"and only not found, give {CORNERS} at {chart.corner_words}")
-    named = "ColorChecker" if chart.name == CLASSIC.name else chart.name
+    named = "ColorChecker" if chart.name == charts.CLASSIC.name else chart.name
     return f"no {named} was found in photo {image.source}{nearest}; {remedy}"

@@ -7,8 +7,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import CheckError, ClippedPhotoError
 from spectrabox.radiometry.findings import Finding, Severity
-from spectrabox.radiometry.records import photos
-from spectrabox.radiometry.records.spectra import default_band_names
+from spectrabox.radiometry.records import photos, spectra
 
 MIN_SAMPLES = 16
 CLIP_SIGMA = 3.0
@@ -111,7 +110,7 @@ def require_unclipped(samples: photos.PatchSamples, names: Sequence[str], photo_
         return ()
     patches = [names[patch] for patch in
                np.flatnonzero(samples.clipped[:, lost].any(axis=1)).tolist()]
-    lost_bands = np.array(bands or default_band_names(lost.size))[lost].tolist()
+    lost_bands = np.array(bands or spectra.default_band_names(lost.size))[lost].tolist()
     if bands_may_drop and np.count_nonzero(~lost) >= MIN_BANDS:
         return (Finding("chart.bands-lost", Severity.NOTE, photo_name, {
             "bands": lost_bands, "names": patches, "clipped": len(patches),

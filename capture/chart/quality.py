@@ -12,19 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from spectrabox.capture.chart.chart_agreement import (
-    MIXED_BANDS,
-    PATCH,
-    chart_agreement,
-    chart_units,
-    unit_scale,
-    veil_fit,
-    white_excess,
-)
+from spectrabox.capture.chart import chart_agreement
 from spectrabox.capture.chart.detection import homography, other_charts
 from spectrabox.capture.chart.patches import image_from_sensor, patches_and_excluded
-from spectrabox.radiometry import chart_causes
-from spectrabox.radiometry.appearance import encode_srgb
+from spectrabox.radiometry import appearance, chart_causes
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.findings import Finding, Severity, faults
 from spectrabox.radiometry.records import photos
@@ -107,7 +98,8 @@ def judge_chart(image: photos.LinearImage, detection: photos.ChartDetection, ref
     """
     samples, stand_out = patches_and_excluded(image, detection)
     left_out = np.zeros(len(chart.names), bool) if excluded is None else excluded
-    agreement = chart_agreement(image, detection.corners_px, reference, chart, left_out)
+    agreement = chart_agreement.chart_agreement(image, detection.corners_px, reference, chart,
+                                                left_out)
     uneven = _range(agreement.light)
     # A file that went through a tone curve is undone by its power, as well as one number can.
     linear = (samples.mean if image.kind is photos.PhotoKind.RAW
@@ -117,12 +109,13 @@ def judge_chart(image: photos.LinearImage, detection: photos.ChartDetection, ref
     lightest, darkest = ((neutrals[0], neutrals[-1]) if neutrals
                          else (int(np.nanargmax(grey)), int(np.nanargmin(grey))))
     veil, glare = 0.0, np.zeros(len(linear))
-    if linear.shape[1] == MIXED_BANDS:      # other bands are no mixture of the reference's
+    # other bands are no mixture of the reference's
+    if linear.shape[1] == chart_agreement.MIXED_BANDS:
         if image.kind is photos.PhotoKind.RAW:
-            veil = veil_fit(linear, reference, chart, 1.0, left_out)[0]
+            veil = chart_agreement.veil_fit(linear, reference, chart, 1.0, left_out)[0]
         veil = veil if veil > MAX_GLARE else 0.0
-        glare = white_excess(linear - veil * linear.max(axis=0), reference, agreement.light,
-                             lightest, left_out)
+        glare = chart_agreement.white_excess(linear - veil * linear.max(axis=0), reference,
+                                             agreement.light, lightest, left_out)
     shown, white, pixels = (_without(samples, left_out), float(samples.mean[lightest].max()),
                             int(samples.pixels.min()))
     tilt = tilt_deg(detection.corners_px, chart)
@@ -144,7 +137,7 @@ def judge_chart(image: photos.LinearImage, detection: photos.ChartDetection, ref
                  Finding("chart.figures", Severity.INFO, values={
         "white": white, "uneven": uneven, "glare": float(glare.max()), "tilt_deg": tilt,
         "blur": blur, "pixels": pixels,
-        "white_8bit": 255 * float(encode_srgb(np.array(white))) if processed else None})]
+        "white_8bit": 255 * float(appearance.encode_srgb(np.array(white))) if processed else None})]
     return ChartVerdict(tuple(findings), samples, stand_out, white, agreement.light, uneven,
                         float(glare.max()), veil, tilt, blur, pixels)
 
@@ -167,13 +160,14 @@ def told_apart(findings: Sequence[Finding], samples: photos.PatchSamples, refere
     excluded : (I,) bool array, optional
         As of ``judge_chart``.
     """
-    if samples.mean.shape[1] != MIXED_BANDS or reference.shape[1] != MIXED_BANDS \
+    if samples.mean.shape[1] != chart_agreement.MIXED_BANDS or reference.shape[
+            1] != chart_agreement.MIXED_BANDS \
             or not chart_causes.claims(findings):
         return list(findings)
     unread = samples.clipped if excluded is None else samples.clipped | excluded[:, None]
     ranking = chart_causes.ranked(chart_causes.PatchSignals(
         np.where(unread, np.nan, samples.mean), reference, samples.standard_error,
-        chart_units(chart), MIXING_SD))
+        chart_agreement.chart_units(chart), MIXING_SD))
     return chart_causes.settled(findings, ranking, "chart.cause")
 
 
@@ -390,7 +384,7 @@ def tilt_deg(quads_px: np.ndarray, chart: Chart = CLASSIC) -> float:
         Of the patches, in chart order.
     chart : Chart
     """
-    printed = np.column_stack([chart_units(chart), np.ones(len(quads_px))])
+    printed = np.column_stack([chart_agreement.chart_units(chart), np.ones(len(quads_px))])
     affine = np.linalg.lstsq(printed, quads_px.mean(axis=1), rcond=None)[0][:2]
     longest, shortest = np.linalg.svd(affine, compute_uv=False)
     return float(np.degrees(np.arccos(min(shortest / longest, 1.0))))
@@ -413,15 +407,16 @@ def edge_widths(image: photos.LinearImage, quads_px: np.ndarray,
         Of edges above and below the chart, and of those at its sides; of both where one has none,
         and 1 where no edge is seen.
     """
-    quads, centres = image_from_sensor(quads_px, image.sensor_step), chart_units(chart)
+    quads, centres = image_from_sensor(quads_px,
+                                       image.sensor_step), chart_agreement.chart_units(chart)
     picture_from_chart = homography(centres, quads.mean(axis=1))
-    half_sizes = chart.sizes * unit_scale(chart) / 2
+    half_sizes = chart.sizes * chart_agreement.unit_scale(chart) / 2
     # Across an edge there is nothing but patch and frame as far as the card's frame reaches, or,
     # where that is not known, as much as lies between two patches.
     outer = chart.centres[-1] - chart.centres[0] + (chart.sizes[-1] + chart.sizes[0]) / 2
     frame = float(((chart.card - outer) / 2).min())
     between = float(chart.centres[1, 0] - chart.centres[0, 0] - chart.sizes[0, 0])
-    half_edge = min(HALF_EDGE, unit_scale(chart) * max(frame, between))
+    half_edge = min(HALF_EDGE, chart_agreement.unit_scale(chart) * max(frame, between))
     grey = image.signal.sum(axis=2, dtype=float)
     widths: tuple[list[float], list[float]] = ([], [])
     for patch, outward in _outer_edges(chart):
@@ -432,7 +427,7 @@ def edge_widths(image: photos.LinearImage, quads_px: np.ndarray,
         x, y = np.moveaxis(projected[..., :2] / projected[..., 2:], -1, 0)
         width = _rise(map_coordinates(grey, (y, x), order=1, mode="nearest").mean(axis=1))
         if width is not None:
-            width *= 2 * half_edge / (PROFILE_POINTS - 1) / PATCH
+            width *= 2 * half_edge / (PROFILE_POINTS - 1) / chart_agreement.PATCH
             widths[int(outward[0] != 0)].append(width)
     every = [*widths[0], *widths[1]] or [1.0]
     return np.array([np.median(some or every) for some in widths])

@@ -18,11 +18,7 @@ import numpy as np
 
 from spectrabox.capture.develop.bracket import merge_exposures
 from spectrabox.capture.develop.dark import DarkFrame, common_variance, mean_dark, subtract_dark
-from spectrabox.capture.photo.image_files import read_encoded_file
-from spectrabox.capture.photo.linear import open_photo
-from spectrabox.capture.photo.preview import AS_READ, turned
-from spectrabox.capture.photo.processed_photos import NotLinearError
-from spectrabox.capture.photo.raw import read_raw
+from spectrabox.capture.photo import image_files, linear, preview, processed_photos, raw
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.findings import Finding, Severity, each_once
 from spectrabox.radiometry.records.photos import LinearImage, PhotoKind, RawFrame
@@ -266,7 +262,7 @@ NOT_LINEAR = "NOT LINEAR: decoded as sRGB, colour matrix and tone curve remain"
 
 def develop_photos(photos: Sequence[Path], darks: Sequence[Path], flat: Path | None,
                    not_linear: bool = False, channels: Sequence[int] | None = None,
-                   orientation: int = AS_READ) -> tuple[LinearImage, tuple[Finding, ...]]:
+                   orientation: int = preview.AS_READ) -> tuple[LinearImage, tuple[Finding, ...]]:
     """One linear image from photos of one scene, and what was found of dark frames and exposures.
 
     Dark frames are averaged by exposure and subtracted from the photos of theirs; photos of several
@@ -296,7 +292,7 @@ def develop_photos(photos: Sequence[Path], darks: Sequence[Path], flat: Path | N
     """
     by_exposure: dict[float | None, list[RawFrame]] = {}
     for path in darks:
-        frame = read_raw(path)
+        frame = raw.read_raw(path)
         by_exposure.setdefault(frame.exposure_s, []).append(frame)
     dark_frames = {exposure: mean_dark(frames) for exposure, frames in by_exposure.items()}
     findings = [Finding("dark.hot-pixels", Severity.INFO, dark.source,
@@ -304,7 +300,7 @@ def develop_photos(photos: Sequence[Path], darks: Sequence[Path], flat: Path | N
     images = [] if darks else [open_any(path, not_linear) for path in photos]
     sharing: dict[str, list[tuple[RawFrame, DarkFrame]]] = {}
     for path in photos if darks else ():
-        frame = read_raw(path)
+        frame = raw.read_raw(path)
         only = next(iter(dark_frames.values())) if len(dark_frames) == 1 else None
         # a wrong exposure is refused by name below
         dark = dark_frames.get(frame.exposure_s) or only
@@ -325,7 +321,7 @@ def develop_photos(photos: Sequence[Path], darks: Sequence[Path], flat: Path | N
         merged = divide_by_flat(merged, only_channels(open_any(flat, not_linear), channels))
     if any(image.kind is PhotoKind.PROCESSED for image in images):
         findings.append(Finding("photo.not-linear", Severity.WARN))
-    return turned(merged, orientation), (*findings, *ratios)
+    return preview.turned(merged, orientation), (*findings, *ratios)
 
 
 def open_any(path: Path, not_linear: bool = False) -> LinearImage:
@@ -342,9 +338,9 @@ def open_any(path: Path, not_linear: bool = False) -> LinearImage:
     InputError
     """
     try:
-        return open_photo(path)
-    except NotLinearError:
+        return linear.open_photo(path)
+    except processed_photos.NotLinearError:
         if not not_linear:
             raise
-    image = read_encoded_file(path)
+    image = image_files.read_encoded_file(path)
     return dataclasses.replace(image, source=f"{image.source} ({NOT_LINEAR})")

@@ -13,13 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.capture.meter import serial_line
-from spectrabox.capture.meter.instruments import instrument_errors, interface
-from spectrabox.capture.meter.instruments.drivers import driver_named
-from spectrabox.capture.meter.stated import check_stated
-from spectrabox.radiometry.appearance import luminance_of
+from spectrabox.capture.meter import serial_line, stated
+from spectrabox.capture.meter.instruments import drivers, instrument_errors, interface
+from spectrabox.radiometry import appearance, grid
 from spectrabox.radiometry.findings import Finding, Severity
-from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.readings import ReadingOutcome, SpectralReading
 
@@ -55,7 +52,7 @@ def open_instrument(
     ------
     InputError, InstrumentError
     """
-    driver = driver_named(name)
+    driver = drivers.driver_named(name)
     instrument = driver(serial_line.open_line(port, driver.line_settings, log, pace, held))
     with contextlib.ExitStack() as closing:
         try:
@@ -123,9 +120,9 @@ def take_reading(instrument: interface.Instrument, identity: interface.Identity,
                                luminance=luminance,
                                findings=measured.findings, **facts)
     if held.quantity in (Quantity.RADIANCE, Quantity.IRRADIANCE):
-        check_stated(held.nm, held.values, held.stated, instrument.line.name)
+        stated.check_stated(held.nm, held.values, held.stated, instrument.line.name)
     source = f"{identity.model} {identity.serial_number}, {taken_at}"
-    spectrum = Spectrum(grid_from_nm(held.nm), held.values, held.quantity, source)
+    spectrum = Spectrum(grid.grid_from_nm(held.nm), held.values, held.quantity, source)
     return SpectralReading(spectrum=spectrum, quantity=held.quantity,
                            integration_ms=held.integration_ms, luminance=luminance,
                            findings=(*measured.findings, *negative_values(held),
@@ -163,7 +160,7 @@ def _trusted_result(instrument: interface.Instrument) -> interface.HeldResult:
 def _is_dark(held: interface.HeldResult) -> bool:
     stated = held.stated.luminance
     return not np.any(held.values > 0) or (stated is not None and stated.value <= 0
-                                           and luminance_of(held.nm, held.values) <= 0)
+                                           and appearance.luminance_of(held.nm, held.values) <= 0)
 
 
 def negative_values(held: interface.HeldResult) -> list[Finding]:

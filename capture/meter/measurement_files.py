@@ -11,11 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.radiometry import files
+from spectrabox.radiometry import files, grid
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.findings import Finding, Severity
-from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.readings import ReadingOutcome, SpectralReading
 from spectrabox.radiometry.system import words
@@ -195,7 +194,7 @@ def read_reading(path: Path) -> SpectralReading:
         facts = json.loads(path.read_text(encoding="utf-8"))
         quantity = None if facts["quantity"] is None else Quantity[facts["quantity"].upper()]
         spectrum = None if quantity is None else Spectrum(
-            grid_from_nm(np.array(facts["wavelengths_nm"], dtype=float)),
+            grid.grid_from_nm(np.array(facts["wavelengths_nm"], dtype=float)),
             np.array(facts["values"], dtype=float), quantity,
             f"{facts['instrument']} {facts['serial_number']}, {facts['taken_at']}")
         if spectrum is not None and spectrum.values.shape != spectrum.grid.nm.shape:

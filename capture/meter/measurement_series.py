@@ -21,9 +21,8 @@ from spectrabox.radiometry.files import names_a_file
 from spectrabox.radiometry.findings import Finding, Severity, each_once
 from spectrabox.radiometry.grid import grid_from_nm, visible_grid
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum
-from spectrabox.radiometry.spectra.given_spectra import typed_reflectance
+from spectrabox.radiometry.spectra import given_spectra, spectrum_files
 from spectrabox.radiometry.spectra.readings import ReadingOutcome, ReadingSeries, SpectralReading
-from spectrabox.radiometry.spectra.spectrum_files import read_spectrum
 from spectrabox.radiometry.system.words import known_name
 
 POSSIBLE = (0.2, 5.0)       # a factor beyond is a spectrum of something else
@@ -53,7 +52,7 @@ def read_calibration(text: str) -> MeterCalibration:
     serial_number, separator, file = text.partition("=")
     if not (separator and serial_number.strip() and file.strip()):
         raise InputError(f"the calibration {text!r} is not SERIAL=FILE, such as 65123456=pr655.csv")
-    factor = read_spectrum(Path(file.strip()), role=Quantity.RELATIVE)
+    factor = spectrum_files.read_spectrum(Path(file.strip()), role=Quantity.RELATIVE)
     if factor.quantity is not Quantity.RELATIVE:
         raise InputError(f"{file} states {factor.quantity.name.lower()}; a calibration is a table "
                          "of factors ('# quantity: relative')")
@@ -277,10 +276,10 @@ def white_standard(word: str | None) -> Spectrum:
         source = known if word else f"{known}, as nothing is stated"
     else:
         try:
-            value, error = (*typed_reflectance(word or ""), 0.0)[:2]
+            value, error = (*given_spectra.typed_reflectance(word or ""), 0.0)[:2]
         except ValueError:
             if names_a_file(word or ""):
-                return read_spectrum(Path(word or ""), role=Quantity.REFLECTANCE)
+                return spectrum_files.read_spectrum(Path(word or ""), role=Quantity.REFLECTANCE)
             value = error = np.nan
         if not (0.01 <= value <= 1.1 and 0 <= error < 0.5):
             raise InputError(f"--white-reflectance {word!r} is no white standard: give "

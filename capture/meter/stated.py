@@ -15,8 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.capture.meter.instruments.instrument_errors import UntrustedReadingError
-from spectrabox.radiometry.appearance import tristimulus_of
-from spectrabox.radiometry.grid import trapezoid_weights_nm
+from spectrabox.radiometry import appearance, grid
 
 LUMINANCE_RTOL = 0.01           # up to 4 nm
 LUMINANCE_PER_NM = 0.003        # of a wider step: 3 % at 10 nm
@@ -117,9 +116,9 @@ def check_stated(nm: np.ndarray, values: np.ndarray, stated: Stated, name: str) 
     """
     _refuse_stuck(nm, values, name)
     step = float(np.diff(nm).max())
-    xyz = tristimulus_of(nm, values)
+    xyz = appearance.tristimulus_of(nm, values)
     # Some instruments weigh the first and last value by half, some do not.
-    sums = [weights * values for weights in (trapezoid_weights_nm(nm), step)]
+    sums = [weights * values for weights in (grid.trapezoid_weights_nm(nm), step)]
     powers = [float(part.sum()) for part in sums]
 
     def compare(what: str, ours: list[float], theirs: Number, tolerance: float, form: str,

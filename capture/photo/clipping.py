@@ -30,8 +30,7 @@ from typing import NamedTuple
 import numpy as np
 
 from spectrabox.capture.photo.noise import LARGE_TILE, photon_transfer
-from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.findings import Finding, Severity
+from spectrabox.radiometry import errors, findings
 from spectrabox.radiometry.records.spectra import default_band_names
 
 SAMPLES = 1_000_000         # of a band, enough for a histogram
@@ -131,7 +130,7 @@ def clip_levels(signal: np.ndarray, quantum: np.ndarray | float, source: str = "
     return clips
 
 
-def rolled_off(clips: Sequence[Clip | None]) -> tuple[Finding, ...]:
+def rolled_off(clips: Sequence[Clip | None]) -> tuple[findings.Finding, ...]:
     """That highlights were rolled off, with the level in each band that was.
 
     Parameters
@@ -141,7 +140,7 @@ def rolled_off(clips: Sequence[Clip | None]) -> tuple[Finding, ...]:
     names = default_band_names(len(clips))
     soft = {name: clip.level for name, clip in zip(names, clips, strict=True)
             if clip is not None and clip.soft}
-    return (Finding("file.rolled-off", Severity.NOTE, values={
+    return (findings.Finding("file.rolled-off", findings.Severity.NOTE, values={
         "bands": list(soft), "levels": list(soft.values())}),) if soft else ()
 
 
@@ -207,7 +206,7 @@ def dark_noise(signal: np.ndarray, quantum: float, source: str = "",
             bright |= _rows_of_tiles(known, every)
         try:
             noise = photon_transfer(some[..., None], bright[..., None], quantum, source, samples)
-        except InputError:      # no dark tile
+        except errors.InputError:  # no dark tile
             continue
         return float(noise.read[0]), float(noise.gain[0])
     return None

@@ -7,14 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.capture.photo import stored_images
-from spectrabox.capture.photo.clipping import clip_levels, rolled_off
-from spectrabox.capture.photo.noise import photon_transfer
-from spectrabox.capture.photo.processed_photos import require_no_processed_file
-from spectrabox.radiometry.appearance import decode_srgb
+from spectrabox.capture.photo import clipping, noise, processed_photos, stored_images
+from spectrabox.radiometry import appearance, files, findings
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import sha256_of
-from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.photos import LinearImage, PhotoKind
 from spectrabox.radiometry.records.spectra import default_band_names
 
@@ -44,7 +39,7 @@ def require_linear_file(path: Path) -> None:
     if stored_images.is_image_file(path):
         stored_images.read_header(path).full_scale()
     else:
-        require_no_processed_file(path)
+        processed_photos.require_no_processed_file(path)
 
 
 def read_linear_file(path: str | os.PathLike[str]) -> LinearImage:
@@ -112,22 +107,22 @@ def _clip_and_step(signal: np.ndarray, kind: str) -> tuple[float, float]:
 
 def _clipped_and_noise(signal: np.ndarray, clips: np.ndarray, quantum: float, name: str,
                        piles: bool = True
-                       ) -> tuple[np.ndarray, np.ndarray, tuple[Finding, ...]]:
+                       ) -> tuple[np.ndarray, np.ndarray, tuple[findings.Finding, ...]]:
     """Which pixels (H, W, K) are saturated, above a clip point (K,) or where a band piles up below
     it, their variance, as they tell it themselves, and what is found of bands that are rolled off.
     """
     saturated = signal >= clips.astype(np.float32)
-    found = clip_levels(signal, quantum, name, saturated) if piles else []
+    found = clipping.clip_levels(signal, quantum, name, saturated) if piles else []
     for band, clip in enumerate(found):
         if clip is not None:
             saturated[..., band] |= signal[..., band] >= CLIP_FRACTION * clip.level
-    variance = photon_transfer(signal, saturated, quantum, name).variance(signal)
+    variance = noise.photon_transfer(signal, saturated, quantum, name).variance(signal)
     for array in (signal, saturated, variance):
         array.flags.writeable = False  # the record then keeps them without a copy
-    return saturated, variance, rolled_off(found)
+    return saturated, variance, clipping.rolled_off(found)
 
 
-def converted_colours(signal: np.ndarray, variance: np.ndarray) -> tuple[Finding, ...]:
+def converted_colours(signal: np.ndarray, variance: np.ndarray) -> tuple[findings.Finding, ...]:
     """Pixels that are negative in a band beyond their noise while others of their bands see light:
     no sensor does that, a matrix to another colour space does.
 
@@ -146,7 +141,7 @@ def converted_colours(signal: np.ndarray, variance: np.ndarray) -> tuple[Finding
     if shares.max() < MIN_NEGATIVE_SHARE:
         return ()
     band = int(shares.argmax())
-    return (Finding("file.converted-colours", Severity.WARN, values={
+    return (findings.Finding("file.converted-colours", findings.Severity.WARN, values={
         "band": default_band_names(shares.size)[band], "share": float(shares[band]),
         "lowest": float(np.percentile(shown[..., band][negative[..., band]], 1) / bright)}),)
 
@@ -163,8 +158,8 @@ def _linear_image(signal: np.ndarray, header: stored_images.PictureHeader, clips
         exposure_s=header.positive("ExposureTime"),
         iso=header.positive("Exif:PhotographicSensitivity")
         or header.positive("Exif:ISOSpeedRatings"), f_number=header.positive("FNumber"),
-        kind=kind, camera=header.camera, source=header.path.name, sha256=sha256_of(header.path),
-        findings=findings)
+        kind=kind, camera=header.camera, source=header.path.name,
+        sha256=files.sha256_of(header.path), findings=findings)
 
 
 def _developed(values: np.ndarray, header: stored_images.PictureHeader) -> LinearImage:
@@ -193,7 +188,7 @@ def _developed(values: np.ndarray, header: stored_images.PictureHeader) -> Linea
         kind=header.photo_kind,
         camera=header.words("spectrabox:camera"),
         source=header.words("spectrabox:source") or header.path.name,
-        sha256=sha256_of(header.path))
+        sha256=files.sha256_of(header.path))
 
 
 def image_of_array(values: np.ndarray) -> LinearImage:
@@ -245,7 +240,7 @@ def read_encoded_file(path: str | os.PathLike[str]) -> LinearImage:
         If the file is missing or damaged, or has fewer than 3 bands.
     """
     encoded, header = _encoded(Path(path))
-    return _linear_image(decode_srgb(encoded).astype(np.float32), header,
+    return _linear_image(appearance.decode_srgb(encoded).astype(np.float32), header,
                          clips=np.full(encoded.shape[2], CLIP_FRACTION),
                          quantum=1 / stored_images.FULL_SCALE.get(header.kind, 1) / 12.92,
                          kind=PhotoKind.PROCESSED)

@@ -10,9 +10,7 @@ import numpy as np
 import OpenImageIO as oiio
 
 from spectrabox.capture.photo.stored_images import SATURATED, VARIANCE
-from spectrabox.radiometry.errors import EnvironmentProblem
-from spectrabox.radiometry.files import require_utf8_name, whole_file
-from spectrabox.radiometry.profile_files import SRGB
+from spectrabox.radiometry import errors, files, profile_files
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.system.words import reason_of
 
@@ -170,7 +168,7 @@ def _write_for_screen(path: Path, rgb8: np.ndarray, attributes: Mapping[str, int
     spec = oiio.ImageSpec(rgb8.shape[1], rgb8.shape[0], rgb8.shape[2], oiio.UINT8)
     for name, value in attributes.items():
         spec.attribute(name, value)
-    _tag(spec, SRGB.profile)
+    _tag(spec, profile_files.SRGB.profile)
     _write(path, np.ascontiguousarray(rgb8, dtype=np.uint8), spec)
 
 
@@ -180,8 +178,8 @@ def _tag(spec: oiio.ImageSpec, icc_profile: bytes) -> None:
 
 
 def _write(path: Path, pixels: np.ndarray, spec: oiio.ImageSpec) -> None:
-    require_utf8_name(path)
-    with whole_file(path) as unfinished:
+    files.require_utf8_name(path)
+    with files.whole_file(path) as unfinished:
         file = oiio.ImageOutput.create(os.fspath(unfinished))
         if file is None or not file.open(os.fspath(unfinished), spec):
             raise unwritten(path, file or oiio)
@@ -203,6 +201,7 @@ def ends_whole(path: Path) -> bool:
         return file.read() == PNG_END
 
 
-def unwritten(path: Path, writer: Any) -> EnvironmentProblem:
+def unwritten(path: Path, writer: Any) -> errors.EnvironmentProblem:
     """The error for a picture that cannot be written, with the writer's reason."""
-    return EnvironmentProblem(f"{path} cannot be written ({reason_of(writer)}); is the disk full?")
+    return errors.EnvironmentProblem(
+        f"{path} cannot be written ({reason_of(writer)}); is the disk full?")

@@ -14,18 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from spectrabox.capture.photo import raw
-from spectrabox.capture.photo.clipping import (
-    SAMPLES,
-    clip_levels,
-    dark_noise,
-    pile_of,
-    rolled_off,
-)
-from spectrabox.capture.photo.image_files import read_linear_file
+from spectrabox.capture.photo import clipping, image_files, processed_photos, raw
 from spectrabox.capture.photo.noise import PhotonTransfer, photon_transfer
 from spectrabox.capture.photo.opcodes import gains_at
-from spectrabox.capture.photo.processed_photos import require_no_processed_file
 from spectrabox.capture.photo.stored_images import is_image_file, read_header
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import photos
@@ -57,8 +48,8 @@ def open_photo(path: str | os.PathLike[str]) -> photos.LinearImage:
         If the file cannot be read as either, or does not hold linear signal.
     """
     if is_image_file(Path(path)):
-        return read_linear_file(path)
-    require_no_processed_file(Path(path))
+        return image_files.read_linear_file(path)
+    processed_photos.require_no_processed_file(Path(path))
     frame = raw.decode(path)
     return full_colour_image(frame) if isinstance(frame,
                                                   raw.FullColourFrame) else linear_image(frame)
@@ -232,7 +223,7 @@ def full_colour_image(frame: raw.FullColourFrame) -> photos.LinearImage:
     saturated = frame.pixels >= limits.astype(np.uint16)
     if frame.linear_limit < 1:
         saturated |= signal >= frame.linear_limit
-    clips = clip_levels(signal, 1 / scale, frame.file, saturated)
+    clips = clipping.clip_levels(signal, 1 / scale, frame.file, saturated)
     for band, clip in enumerate(clips):
         if clip is not None:
             saturated[..., band] |= signal[..., band] >= CLIP_FRACTION * clip.level
@@ -246,7 +237,7 @@ def full_colour_image(frame: raw.FullColourFrame) -> photos.LinearImage:
                              np.arange(width), band)
             signal[rows, :, band] *= gains
             variance[rows, :, band] *= np.square(gains)
-    frame = replace(frame, findings=(*frame.findings, *rolled_off(clips)))
+    frame = replace(frame, findings=(*frame.findings, *clipping.rolled_off(clips)))
     return _image(frame, signal, variance, saturated, 1.0, photos.PhotoKind.LINEAR_FILE)
 
 
@@ -395,15 +386,16 @@ def clip_points(frame: photos.RawFrame, signal: np.ndarray, quantum: np.ndarray,
     clips = []
     rows, columns = frame.cfa.shape
     for band in range(signal.shape[2]):
-        line = dark_noise(signal[..., band], quantum[band], frame.file, samples=int(samples[band]))
+        line = clipping.dark_noise(signal[..., band], quantum[band], frame.file,
+                                   samples=int(samples[band]))
         positions = np.argwhere(frame.cfa == band)
         black = float(frame.black_level[frame.cfa == band].mean())
         scale = frame.white_level - black
         # about SAMPLES samples, from whole rows of tiles spread over the picture
-        stride = max(1, int(frame.mosaic.size * len(positions) / frame.cfa.size / SAMPLES))
+        stride = max(1, int(frame.mosaic.size * len(positions) / frame.cfa.size / clipping.SAMPLES))
         values = np.concatenate([frame.mosaic[y::rows * stride, x::columns].ravel()
                                  for y, x in positions])
-        pile = None if line is None else pile_of(values.astype(np.float32), _sigma_in_dn(
+        pile = None if line is None else clipping.pile_of(values.astype(np.float32), _sigma_in_dn(
             line, int(samples[band]), black, scale))
         clips.append(frame.white_level if pile is None else min(pile, frame.white_level))
     return np.array(clips)

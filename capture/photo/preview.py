@@ -15,8 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.capture.photo.raw import raw_orientation
-from spectrabox.capture.photo.stored_images import is_image_file, read_header
+from spectrabox.capture.photo import raw, stored_images
 from spectrabox.radiometry.appearance import encode_srgb
 from spectrabox.radiometry.records.photos import LinearImage
 
@@ -35,9 +34,9 @@ def photo_orientation(path: Path) -> int:
     InputError
         If it is missing or no photo.
     """
-    if is_image_file(path):
-        return read_header(path).orientation
-    return raw_orientation(path)
+    if stored_images.is_image_file(path):
+        return stored_images.read_header(path).orientation
+    return raw.raw_orientation(path)
 
 
 def turned(image: LinearImage, orientation: int) -> LinearImage:

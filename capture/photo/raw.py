@@ -17,12 +17,7 @@ import numpy as np
 import rawpy
 
 from spectrabox.capture.photo.black_level import departures, full_colour_black, tile_of
-from spectrabox.capture.photo.metadata import (
-    JPEG_XL,
-    LOSSY_JPEG,
-    PhotoMetadata,
-    photo_metadata,
-)
+from spectrabox.capture.photo.metadata import JPEG_XL, LOSSY_JPEG, PhotoMetadata, photo_metadata
 from spectrabox.capture.photo.opcodes import stated_corrections
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import require_utf8_name, sha256_of

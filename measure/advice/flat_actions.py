@@ -11,22 +11,14 @@ from functools import cached_property
 
 import numpy as np
 
+from spectrabox.measure import captured, records
 from spectrabox.measure.advice import forecast
-from spectrabox.measure.captured import READ_ERROR, FlatCapture
-from spectrabox.measure.records import CaptureRecords
+from spectrabox.measure.regions import white as white_reference
 from spectrabox.measure.regions.flat_signals import flat_signals
 from spectrabox.measure.regions.moved_lamp import LEVEL
-from spectrabox.measure.regions.white import (
-    FlatErrors,
-    FlatPhoto,
-    PhotoWhite,
-    white_by_chart,
-    white_told_by,
-)
 from spectrabox.measure.steps.signals import flat_errors, flat_photos, known_of_signals
 from spectrabox.radiometry import error_model, grid
-from spectrabox.radiometry.records import spectra
-from spectrabox.radiometry.records.photos import RegionSamples
+from spectrabox.radiometry.records import photos, spectra
 
 CARD = 0.9                  # reflectance of a white card
 BESIDE = 0.2                # lengths of the chart from the edge of a sample to the middle of a card
@@ -39,21 +31,21 @@ BESIDE_IT, NEARER = "card beside ", "nearer "      # names of places, before tha
 class FlatPhotos:
     """Photos of flat samples with what is stated of them, as the step "signals" has them."""
 
-    capture: FlatCapture
-    photos: list[FlatPhoto]
-    errors: FlatErrors
+    capture: captured.FlatCapture
+    photos: list[white_reference.FlatPhoto]
+    errors: white_reference.FlatErrors
     bands: tuple[str, ...]
     known: Mapping[str, np.ndarray]     # reflectances of the regions that tell of the light
 
     @cached_property
-    def whites(self) -> list[PhotoWhite | None]:
+    def whites(self) -> list[white_reference.PhotoWhite | None]:
         """Of each photo what white reads by the chart at its regions, at cards beside them, and
         where they would lie right beside the chart.
         """
         return [_at_places(photo, self.errors) for photo in self.photos]
 
     @cached_property
-    def whites_by_flat_field(self) -> list[PhotoWhite | None]:
+    def whites_by_flat_field(self) -> list[white_reference.PhotoWhite | None]:
         """The same of photos that were divided by that of a white card, which leaves no fall-off on
         the chart; what lies there reflects what it does now.
         """
@@ -89,14 +81,14 @@ class FlatPhotos:
             known[BESIDE_IT + name] = np.full(grid.FINE_GRID.nm.size, CARD)
         stated = surface or self.errors.surfaces.get(name)
         errors = replace(self.errors, surfaces={} if stated is None else {region: stated},
-                         known={**self.errors.known, BESIDE_IT + name: READ_ERROR})
+                         known={**self.errors.known, BESIDE_IT + name: captured.READ_ERROR})
         told = [_told(photo, white, (region, *known), known, errors)
                 for photo, white in zip(photos, whites, strict=True)]
         return flat_signals(photos, told, {region: self.capture.families[name]}, {}, self.bands,
                             errors)
 
 
-def flat_photos_of(capture: FlatCapture, records: CaptureRecords) -> FlatPhotos:
+def flat_photos_of(capture: captured.FlatCapture, records: records.CaptureRecords) -> FlatPhotos:
     """The photos of a capture.
 
     Parameters
@@ -153,26 +145,28 @@ def with_level(unknown: forecast.Unknown) -> forecast.Unknown:
                 if cause != error_model.SAMPLE_PLANE}))
 
 
-def _told(photo: FlatPhoto, white: PhotoWhite | None, names: Sequence[str],
-          known: Mapping[str, np.ndarray], errors: FlatErrors) -> PhotoWhite | None:
+def _told(photo: white_reference.FlatPhoto, white: white_reference.PhotoWhite | None,
+          names: Sequence[str], known: Mapping[str, np.ndarray],
+          errors: white_reference.FlatErrors) -> white_reference.PhotoWhite | None:
     """White at some places of a photo, the first of which it must show, as known ones tell."""
     if white is None or names[0] not in white.samples.names:
         return None
     own = white.of_regions(_rows(white.samples, [name for name in names
                                                 if name in white.samples.names]))
-    return white_told_by(photo, own, known, errors)
+    return white_reference.white_told_by(photo, own, known, errors)
 
 
-def _rows(samples: RegionSamples, names: Sequence[str]) -> RegionSamples:
+def _rows(samples: photos.RegionSamples, names: Sequence[str]) -> photos.RegionSamples:
     """The samples of some places."""
     chosen = [samples.names.index(name) for name in names]
-    return RegionSamples(
+    return photos.RegionSamples(
         tuple(names), samples.mean[chosen], samples.covariance_of_mean[chosen],
         samples.pixels[chosen], samples.scatter[chosen], samples.points_px[chosen],
         None if samples.clipped is None else samples.clipped[chosen])
 
 
-def _at_places(photo: FlatPhoto, errors: FlatErrors) -> PhotoWhite | None:
+def _at_places(photo: white_reference.FlatPhoto,
+               errors: white_reference.FlatErrors) -> white_reference.PhotoWhite | None:
     """White at regions, then at cards beside them, then where they would lie beside the chart; a
     card reads what it reflects, and a region reflects there what it does now.
     """
@@ -182,12 +176,12 @@ def _at_places(photo: FlatPhoto, errors: FlatErrors) -> PhotoWhite | None:
     count = len(samples.names)
     mean, covariance, pixels, scatter = (np.concatenate(3 * [values]) for values in (
         samples.mean, samples.covariance_of_mean, samples.pixels, samples.scatter))
-    places = RegionSamples(
+    places = photos.RegionSamples(
         (*samples.names, *(BESIDE_IT + name for name in samples.names),
          *(NEARER + name for name in samples.names)), mean, covariance, pixels, scatter,
         np.concatenate([samples.points_px, _beside(photo), _by_the_chart(photo)]),
         None if samples.clipped is None else np.concatenate(3 * [samples.clipped]))
-    white = white_by_chart(replace(photo, samples=places), errors)
+    white = white_reference.white_by_chart(replace(photo, samples=places), errors)
     assert white is not None
     here, beside, nearer = np.split(white.white, 3)
     mean = np.concatenate([samples.mean, CARD * beside + white.glare,
@@ -202,17 +196,18 @@ def _at_places(photo: FlatPhoto, errors: FlatErrors) -> PhotoWhite | None:
                                           clipped=clipped))
 
 
-def _divided(photo: FlatPhoto, now: PhotoWhite, errors: FlatErrors) -> PhotoWhite:
+def _divided(photo: white_reference.FlatPhoto, now: white_reference.PhotoWhite,
+             errors: white_reference.FlatErrors) -> white_reference.PhotoWhite:
     """White at the places of a photo once that was divided by one of a white card."""
     even = replace(photo, samples=now.samples, lost=None, white=replace(
         photo.white, field=np.zeros_like(photo.white.field)))
-    white = white_by_chart(even, errors)
+    white = white_reference.white_by_chart(even, errors)
     assert white is not None
     reads = (now.samples.mean - now.glare) / now.white * white.white + white.glare
     return replace(white, samples=replace(white.samples, mean=reads))
 
 
-def _beside(photo: FlatPhoto) -> np.ndarray:
+def _beside(photo: white_reference.FlatPhoto) -> np.ndarray:
     """Points (R, Q, 2) of cards beside the regions of a photo, towards its middle."""
     assert photo.samples is not None
     points = photo.samples.points_px
@@ -224,7 +219,7 @@ def _beside(photo: FlatPhoto) -> np.ndarray:
     return np.asarray(points + (away[:, None] * turned)[:, None])
 
 
-def _by_the_chart(photo: FlatPhoto) -> np.ndarray:
+def _by_the_chart(photo: white_reference.FlatPhoto) -> np.ndarray:
     """Points (R, Q, 2) of the regions of a photo if they lay right beside its chart."""
     assert photo.samples is not None
     points, patches = photo.samples.points_px, photo.patches_px.reshape(-1, 2)
@@ -234,6 +229,6 @@ def _by_the_chart(photo: FlatPhoto) -> np.ndarray:
     return np.asarray(points + (nearest - middle)[:, None])
 
 
-def _length(photo: FlatPhoto) -> float:
+def _length(photo: white_reference.FlatPhoto) -> float:
     """Length of the chart in pixels."""
     return float(np.ptp(photo.patches_px.reshape(-1, 2), axis=0).max())

@@ -19,12 +19,7 @@ import numpy as np
 
 from spectrabox.capture.photo.image_rows import ROWS_PER_BLOCK
 from spectrabox.radiometry import error_model, errors
-from spectrabox.sampling.prior import mixture, uplift_table
-from spectrabox.sampling.prior.local_posteriors import (
-    MAX_CENTRES,
-    LocalPosteriors,
-    local_posteriors,
-)
+from spectrabox.sampling.prior import local_posteriors, mixture, uplift_table
 
 ABOVE_WHITE = 1.1       # of white: more than white's own error and the photo's noise
 MAX_ABOVE = 0.05        # of the pixels: lamps and highlights; where more are, white is another
@@ -226,7 +221,7 @@ class SpectraPlan:
 
     kept: KeptWavelengths
     # of each light; none where pixels are computed one by one
-    tables: tuple[LightTable | LocalPosteriors, ...]
+    tables: tuple[LightTable | local_posteriors.LocalPosteriors, ...]
 
     def values(self, source: PixelSource, block: PixelBlock) -> np.ndarray:
         """Numbers (n, C) of a block's pixels.
@@ -270,7 +265,7 @@ def plan_spectra(source: PixelSource, kept: KeptWavelengths, survey: Survey,
     height, width, bands = source.size
     points = int(survey.points.sum())
     one_by_one = height * width < (POINT_IN_PIXELS * source.error_levels * points if bands == 3
-                                   else CENTRE_IN_PIXELS * MAX_CENTRES)
+                                   else CENTRE_IN_PIXELS * local_posteriors.MAX_CENTRES)
     if bands != 3 or one_by_one:
         near = () if one_by_one else tuple(_local_tables(source, kept, survey, progress, map_parts))
         return SpectraPlan(kept, near)
@@ -298,14 +293,14 @@ def _columns(uplifted: uplift_table.Uplifted | uplift_table.UpliftTable,
 
 def _local_tables(source: PixelSource, kept: KeptWavelengths, survey: Survey,
                   progress: uplift_table.Progress,
-                  map_parts: uplift_table.MapParts) -> Iterator[LocalPosteriors]:
+                  map_parts: uplift_table.MapParts) -> Iterator[local_posteriors.LocalPosteriors]:
     """Posteriors at some signals under each light."""
     lights, sample = len(source.responses), survey.sample
     for light, response in enumerate(source.responses):
         own = slice(None) if sample.light is None else sample.light == light
         if not sample.signals[own].size:    # too few pixels for one of them to be in the sample
             own = slice(None)
-        yield local_posteriors(
+        yield local_posteriors.local_posteriors(
             source.prior, response, partial(source.table_errors, light), sample.signals[own],
             None if sample.error_level is None else sample.error_level[own], kept.mean,
             kept.deviation, lambda share, light=light: progress(    # type: ignore[misc]

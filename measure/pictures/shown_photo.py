@@ -18,11 +18,9 @@ from spectrabox.capture.photo import preview
 from spectrabox.measure.pictures.crop import crop_of, node_grid
 from spectrabox.measure.profiles import colour_profile
 from spectrabox.measure.regions import white as whites
-from spectrabox.radiometry import appearance, interreflection
+from spectrabox.radiometry import appearance, interreflection, profile_files
 from spectrabox.radiometry.grid import interpolation_matrix
-from spectrabox.radiometry.profile_files import SRGB
-from spectrabox.radiometry.records.calibration import Calibration
-from spectrabox.radiometry.records.photos import LinearImage, RegionSamples
+from spectrabox.radiometry.records import calibration, photos
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.sampling.prior import mixture
 
@@ -120,7 +118,7 @@ def camera_look(camera_from_xyz: np.ndarray | None, white: tuple[float, ...]) ->
     return _under_even_light(transforms.stated_transform(camera_from_xyz), np.array(white))
 
 
-def scene_look(calibration: Calibration, signal: np.ndarray) -> PhotoLook | None:
+def scene_look(calibration: calibration.Calibration, signal: np.ndarray) -> PhotoLook | None:
     """A photo of a scene, whose light is another everywhere, in the colours that its calibration
     gives, as bright as its brightest part allows; None of a camera of other than three bands.
 
@@ -149,7 +147,7 @@ def _under_even_light(transform: transforms.ColourTransform, white: np.ndarray) 
                      (everywhere, everywhere), np.zeros((2, 2)))
 
 
-def daylight_transform(calibration: Calibration) -> transforms.ColourTransform:
+def daylight_transform(calibration: calibration.Calibration) -> transforms.ColourTransform:
     """From signals relative to white to the colours that surfaces of the prior have under D65.
 
     These are X, Y, Z adapted to D50 by Bradford, as colour spaces of pictures are defined.
@@ -175,7 +173,7 @@ def daylight_transform(calibration: Calibration) -> transforms.ColourTransform:
     return transforms.transform_of_signals(surfaces @ relative.T, xyz, colour_profile.TABLE_DEGREE)
 
 
-def look_of_image(look: PhotoLook, image: LinearImage, factor: int = 1) -> np.ndarray:
+def look_of_image(look: PhotoLook, image: photos.LinearImage, factor: int = 1) -> np.ndarray:
     """A whole photo as a picture (h, w, 3) uint8, each pixel the mean of ``factor`` squared.
 
     Parameters
@@ -193,9 +191,9 @@ def look_of_image(look: PhotoLook, image: LinearImage, factor: int = 1) -> np.nd
 
 
 def _to_rgb(transform: transforms.ColourTransform) -> np.ndarray:
-    return np.asarray(np.linalg.solve(SRGB.to_xyz, transform.coefficients))
+    return np.asarray(np.linalg.solve(profile_files.SRGB.to_xyz, transform.coefficients))
 
 
-def _no_regions(bands: int) -> RegionSamples:
-    return RegionSamples((), np.empty((0, bands)), np.empty((0, bands, bands)),
-                         np.empty(0, int), np.empty((0, bands)), np.empty((0, 1, 2)))
+def _no_regions(bands: int) -> photos.RegionSamples:
+    return photos.RegionSamples((), np.empty((0, bands)), np.empty((0, bands, bands)),
+                                np.empty(0, int), np.empty((0, bands)), np.empty((0, 1, 2)))

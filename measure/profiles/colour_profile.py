@@ -15,18 +15,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.calibrate.colour_profile import (
-    ColourTransform,
-    colour_errors,
-    fit_transform,
-    stated_transform,
-)
+from spectrabox.calibrate import colour_profile as colour_fit
 from spectrabox.measure.pictures.crop import crop_of, node_grid
 from spectrabox.measure.regions.white import FlatErrors, FlatPhoto, white_at_regions
 from spectrabox.radiometry import error_model, interreflection, profile_files
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
-from spectrabox.radiometry.records import photos, spectra
-from spectrabox.radiometry.records.calibration import Calibration
+from spectrabox.radiometry.records import calibration, photos, spectra
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.sampling.prior import mixture
 
@@ -73,8 +67,8 @@ class ColourError:
 class ColourProfile:
     """Transforms from a camera's signals under one light to colours under D50."""
 
-    matrix: ColourTransform
-    table: ColourTransform                          # what tables of profiles are made of
+    matrix: colour_fit.ColourTransform
+    table: colour_fit.ColourTransform               # what tables of profiles are made of
     errors: dict[str, dict[str, ColourError]]       # by transform, by set of surfaces
     draws: int                                      # of the response, behind the spreads
 
@@ -121,9 +115,11 @@ def colour_profile(response: np.ndarray, draws: np.ndarray | None = None,
     fitted, judged = surfaces[:FITTED], surfaces[FITTED:]
     known = response[None] if draws is None else np.concatenate(
         [response[None], cameras[:FITTED_DRAWS]])
-    transforms = {} if camera_from_xyz is None else {STATED: stated_transform(camera_from_xyz)}
-    transforms |= {MATRIX: fit_transform(known, fitted, mixture.PRIOR_GRID, MATRIX_DEGREE),
-                   TABLE: fit_transform(known, fitted, mixture.PRIOR_GRID, TABLE_DEGREE)}
+    transforms = {} if camera_from_xyz is None else {
+        STATED: colour_fit.stated_transform(camera_from_xyz)}
+    transforms |= {MATRIX: colour_fit.fit_transform(known, fitted, mixture.PRIOR_GRID,
+                                                    MATRIX_DEGREE),
+                   TABLE: colour_fit.fit_transform(known, fitted, mixture.PRIOR_GRID, TABLE_DEGREE)}
     tests = test_reflectances(mixture.PRIOR_GRID)
     kinds = ", ".join(families) if families else "any family"
     sets = {CHART: tests[CHART], f"{JUDGED} surfaces of {kinds}": judged, FRESH: tests[FRESH]}
@@ -134,7 +130,7 @@ def colour_profile(response: np.ndarray, draws: np.ndarray | None = None,
                          0 if draws is None else len(cameras))
 
 
-def response_of_calibration(calibration: Calibration
+def response_of_calibration(calibration: calibration.Calibration
                             ) -> tuple[np.ndarray, np.ndarray | None]:
     """A calibrated camera's response (3, 61) on ``PRIOR_GRID``, and draws (T, 3, 61) of it by the
     calibration's errors; None where it states no errors of curves and light.
@@ -166,9 +162,10 @@ def _relative(response: np.ndarray) -> np.ndarray:
     return np.asarray(response / response.sum(axis=-1, keepdims=True))
 
 
-def _error(transform: ColourTransform, cameras: np.ndarray, surfaces: np.ndarray) -> ColourError:
+def _error(transform: colour_fit.ColourTransform, cameras: np.ndarray,
+           surfaces: np.ndarray) -> ColourError:
     """Means over the cameras that it may be, and their standard deviations."""
-    errors = np.array([colour_errors(transform, response, surfaces, mixture.PRIOR_GRID)
+    errors = np.array([colour_fit.colour_errors(transform, response, surfaces, mixture.PRIOR_GRID)
                        for response in cameras])
     figures = np.column_stack([errors.mean(axis=1), np.percentile(errors, 95, axis=1)])
     mean, high = figures.mean(axis=0).tolist()
@@ -209,7 +206,7 @@ def relative_signals(photo: photos.LinearImage, lit: FlatPhoto, known: Mapping[s
 
 
 def colour_picture(
-        signals: Iterator[np.ndarray], transform: ColourTransform,
+        signals: Iterator[np.ndarray], transform: colour_fit.ColourTransform,
         space: profile_files.RgbSpace | profile_files.LabSpace) -> tuple[np.ndarray, float]:
     """Code values (H, W, 3) uint16 of a picture, and the share of its pixels that were clipped.
 

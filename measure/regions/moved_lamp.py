@@ -15,8 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc
 
-from spectrabox.radiometry import error_model, findings
-from spectrabox.radiometry.gloss import gloss_states
+from spectrabox.radiometry import error_model, findings, gloss
 from spectrabox.radiometry.records import spectra
 
 LEVEL = "level"
@@ -59,7 +58,7 @@ def gloss_and_level(stated: str | None, signal: np.ndarray, places: Sequence[str
 
 def _gloss(stated: str | None, places: Sequence[str]) -> spectra.CaptureStates:
     """What a sample may mirror in each place of the lamps."""
-    once = gloss_states(stated, places)
+    once = gloss.gloss_states(stated, places)
     count, variances = len(once.names), np.diagonal(once.covariances, axis1=1, axis2=2)
     covariances = [np.sqrt(own[:, :, None] * own[:, None]) * (alike + (1 - alike) * np.eye(count))
                    for own, alike in ((variances, 0.0), (variances, ALIKE))]

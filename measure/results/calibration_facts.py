@@ -8,12 +8,7 @@ import numpy as np
 from spectrabox.calibrate import chart_findings
 from spectrabox.measure import texts
 from spectrabox.radiometry.findings import Finding, faults
-from spectrabox.radiometry.records.calibration import (
-    Calibration,
-    ChartCopy,
-    HeldOutPatches,
-    LightPosterior,
-)
+from spectrabox.radiometry.records import calibration as calibration_records
 
 TWO_SIGMA = 2.0
 CURVE_DECIMALS = 5      # of reflectances among plain numbers
@@ -24,12 +19,13 @@ def checks(findings: Sequence[Finding]) -> list[str]:
     return [texts.says(one) for one in findings]
 
 
-def doubts(calibration: Calibration) -> list[str]:
+def doubts(calibration: calibration_records.Calibration) -> list[str]:
     """What makes a calibration doubtful, a sentence or two each."""
     return checks(faults(calibration.findings))
 
 
-def copy_facts(copy: ChartCopy | None, names: Sequence[str]) -> dict[str, object] | None:
+def copy_facts(copy: calibration_records.ChartCopy | None,
+               names: Sequence[str]) -> dict[str, object] | None:
     """The copy of a chart as plain numbers: ``chart_generation`` of docs/reference/json.md.
 
     Parameters
@@ -53,7 +49,7 @@ def copy_facts(copy: ChartCopy | None, names: Sequence[str]) -> dict[str, object
             "notes": checks(chart_findings.departures(copy, names)), "patches": rows}
 
 
-def light_facts(calibration: Calibration) -> dict[str, object]:
+def light_facts(calibration: calibration_records.Calibration) -> dict[str, object]:
     """What is known of the light by itself: kind, wavelengths, mean and band, as plain numbers.
 
     Parameters
@@ -69,7 +65,7 @@ def light_facts(calibration: Calibration) -> dict[str, object]:
             "upper": (light.values + TWO_SIGMA * error).tolist()}
 
 
-def posterior_facts(light: LightPosterior) -> dict[str, object]:
+def posterior_facts(light: calibration_records.LightPosterior) -> dict[str, object]:
     """What a chart says of an unknown light.
 
     Parameters
@@ -83,7 +79,8 @@ def posterior_facts(light: LightPosterior) -> dict[str, object]:
             "sentences": checks(light.findings)}
 
 
-def held_out_facts(patches: HeldOutPatches, names: Sequence[str]) -> dict[str, object]:
+def held_out_facts(patches: calibration_records.HeldOutPatches,
+                   names: Sequence[str]) -> dict[str, object]:
     """Patches left out as plain numbers: ``left_out`` of docs/reference/json.md.
 
     Parameters
@@ -112,7 +109,8 @@ def held_out_facts(patches: HeldOutPatches, names: Sequence[str]) -> dict[str, o
             "wavelengths_nm": patches.grid.nm.tolist(), "patches": rows}
 
 
-def poor_patches(patches: HeldOutPatches, names: Sequence[str]) -> dict[str, str]:
+def poor_patches(patches: calibration_records.HeldOutPatches,
+                 names: Sequence[str]) -> dict[str, str]:
     """Patches whose band holds less than 85 % of the reference, each with its likely reason, the
     worst first.
 

@@ -10,36 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure import conditions, extras, rules, texts, words
+from spectrabox.measure import captured, conditions, extras, rules, tables, texts, words
 from spectrabox.measure.advice.advice import Advised
-from spectrabox.measure.captured import Capture
-from spectrabox.measure.extras import attempt, different
 from spectrabox.measure.records import CaptureRecords, PictureRecords
-from spectrabox.measure.results import calibration_facts
-from spectrabox.measure.results.facts import columns
-from spectrabox.measure.results.surface_result import (
-    SURFACE_FACTS,
-    SurfaceResult,
-    surface_result,
-)
-from spectrabox.measure.tables import text_table
+from spectrabox.measure.results import calibration_facts, facts, surface_result
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import WavelengthGrid
-from spectrabox.radiometry.records.calibration import (
-    Calibration,
-    ChartCopy,
-    HeldOutPatches,
-    LightScale,
-    PriorInfluence,
-)
-from spectrabox.radiometry.records.photos import (
-    ChartDetection,
-    LinearImage,
-    PatchSamples,
-    PhotoKind,
-    RegionEdge,
-)
+from spectrabox.radiometry.records import calibration as calibration_records
+from spectrabox.radiometry.records import photos as photo_records
 from spectrabox.radiometry.spectra.cameras import known_camera, known_camera_words
 from spectrabox.sampling.prior.mixture import load_prior, of_families
 
@@ -50,16 +29,18 @@ SHOWN = 10      # surfaces of a short answer
 class ChartResult:
     """The chart photo as it was used."""
 
-    detection: ChartDetection
-    samples: PatchSamples
+    detection: photo_records.ChartDetection
+    samples: photo_records.PatchSamples
     predicted: np.ndarray             # (I, K) signal that the calibration predicts
     irradiance: np.ndarray            # (I,) relative irradiance of each patch, brightest 1
     layout: Chart = CLASSIC
-    left_out: HeldOutPatches | None = None      # each patch by a calibration without it
-    prior: PriorInfluence | None = None          # None of curves that no prior was used for
+    # each patch by a calibration without it
+    left_out: calibration_records.HeldOutPatches | None = None
+    # None of curves that no prior was used for
+    prior: calibration_records.PriorInfluence | None = None
     # left out too, of charts with a fit of their own, by view
-    others: Mapping[str, HeldOutPatches] = field(default_factory=dict)
-    copy: ChartCopy | None = None               # None: the chart's reflectances were stated
+    others: Mapping[str, calibration_records.HeldOutPatches] = field(default_factory=dict)
+    copy: calibration_records.ChartCopy | None = None  # None: the chart's reflectances were stated
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -68,15 +49,15 @@ class CaptureResult(ABC):
 
     bands: tuple[str, ...]            # band names, "R", "G", "B" for a colour camera
     chart: ChartResult | None         # None where sensitivities came from a file
-    calibration: Calibration
+    calibration: calibration_records.Calibration
     # by view, of further photos whose charts are a fit of their own
-    other_calibrations: Mapping[str, Calibration] = field(default_factory=dict)
+    other_calibrations: Mapping[str, calibration_records.Calibration] = field(default_factory=dict)
     # by view with a chart, why to photograph that again; none of a good photo
     chart_findings: Mapping[str, tuple[Finding, ...]] = field(default_factory=dict)
-    photo: LinearImage                # at the render's size, or a thumbnail
+    photo: photo_records.LinearImage  # at the render's size, or a thumbnail
     grid: WavelengthGrid              # of the spectra
     signal_bands: tuple[str, ...]     # J names: the bands of all photos that differ in light
-    surfaces: tuple[SurfaceResult, ...]
+    surfaces: tuple[surface_result.SurfaceResult, ...]
     stated: conditions.Statements                # of the conditions that the result rests on
     processed: bool = False           # a photo by the camera, and decoded as sRGB
     by_flat_field: bool = False       # the photos were divided by one of a white card
@@ -97,7 +78,7 @@ class CaptureResult(ABC):
 
     @cached_property
     def _advised(self) -> tuple[Advised, Finding | None]:
-        return attempt("advice", self.advise, Advised())
+        return extras.attempt("advice", self.advise, Advised())
 
     @property
     def failed_advice(self) -> Finding | None:
@@ -108,7 +89,7 @@ class CaptureResult(ABC):
     def failed_extras(self) -> tuple[Finding, ...]:
         """What of that which is no part of the answer could not be made, and why."""
         each = (self.failed_advice, *(surface.compared[1] for surface in self.surfaces))
-        return different(one for one in each if one is not None)
+        return extras.different(one for one in each if one is not None)
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
@@ -134,7 +115,7 @@ class CaptureResult(ABC):
         return [*dict.fromkeys(map(texts.says, self.notes))]
 
     @property
-    def light_scale(self) -> LightScale | None:
+    def light_scale(self) -> calibration_records.LightScale | None:
         """From rendered signal to that of the first photo; None where nothing is rendered."""
         return None
 
@@ -249,18 +230,19 @@ class CaptureResult(ABC):
 
     def _table(self) -> str:
         estimated = [surface for surface in self.surfaces if not surface.known]
-        headings, cells = columns(SURFACE_FACTS, estimated)
+        headings, cells = facts.columns(surface_result.SURFACE_FACTS, estimated)
         rows = [[surface.name, *row] for surface, row in zip(estimated, cells, strict=True)]
         rows += [[surface.name, "given", *[""] * (len(headings) - 1)]
                  for surface in self.surfaces if surface.known]
-        return text_table([self.surface_word, *(headings or [""])], rows, text=[self.surface_word])
+        return tables.text_table([self.surface_word, *(headings or [""])], rows,
+                                 text=[self.surface_word])
 
 
 def _wrapped(sentence: str, lines: int) -> list[str]:
     return textwrap.wrap(sentence, 80, max_lines=lines, placeholder=" ... (--verbose)")
 
 
-def common_findings(capture: Capture, records: CaptureRecords) -> dict[str, Any]:
+def common_findings(capture: captured.Capture, records: CaptureRecords) -> dict[str, Any]:
     """What is known of captures of every kind, by the fields of `CaptureResult`, but the surfaces.
 
     Parameters
@@ -281,7 +263,7 @@ def common_findings(capture: Capture, records: CaptureRecords) -> dict[str, Any]
                                for name, chart in records.chart.charts.items()},
             "grid": records.signals.grid, "signal_bands": records.signals.bands,
             "photo": records.photo.photos[""], "stated": conditions.statements_of(capture),
-            "processed": any(photo.kind is PhotoKind.PROCESSED for photo in photos),
+            "processed": any(photo.kind is photo_records.PhotoKind.PROCESSED for photo in photos),
             "by_flat_field": bool(capture.development.flat_fields),
             "calibration_findings": records.calibrate.findings,
             "kept": records.findings,
@@ -289,16 +271,16 @@ def common_findings(capture: Capture, records: CaptureRecords) -> dict[str, Any]
             "advise": partial(_advice_on, capture, records)}
 
 
-def _advice_on(capture: Capture, records: CaptureRecords, *at_hand: Any) -> Advised:
+def _advice_on(capture: captured.Capture, records: CaptureRecords, *at_hand: Any) -> Advised:
     from spectrabox.measure.advice import advise  # a report has it among the stored results
     return advise.advice_on_capture(capture, records, *at_hand)
 
 
-def surface_of_records(capture: Capture, records: CaptureRecords, name: str,
+def surface_of_records(capture: captured.Capture, records: CaptureRecords, name: str,
                      inverse_rendering: np.ndarray | None = None,
                      light: tuple[float, float] | None = None,
                      scatter: float | None = None,
-                     edge: RegionEdge | None = None) -> SurfaceResult:
+                     edge: photo_records.RegionEdge | None = None) -> surface_result.SurfaceResult:
     """What the records of all steps say of one surface.
 
     Parameters
@@ -316,11 +298,11 @@ def surface_of_records(capture: Capture, records: CaptureRecords, name: str,
     spectrum = None if signals.known[index] else records.sample.spectra[name]
     prior = of_families(load_prior(), stated.families) \
         if capture.sampling.method == "prior" else None
-    return surface_result(signals, index, spectrum, prior, stated.truth, inverse_rendering, light,
-                          scatter, edge)
+    return surface_result.surface_result(signals, index, spectrum, prior, stated.truth,
+                                         inverse_rendering, light, scatter, edge)
 
 
-def _chart_result(capture: Capture, records: CaptureRecords) -> ChartResult | None:
+def _chart_result(capture: captured.Capture, records: CaptureRecords) -> ChartResult | None:
     fit = records.calibrate.chart
     chart = records.chart.charts.get("")
     if fit is None or chart is None:

@@ -8,11 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure import conditions, rules, texts
-from spectrabox.measure.captured import FlatCapture, View
-from spectrabox.measure.records import CaptureRecords
-from spectrabox.measure.results import capture_result
-from spectrabox.measure.results.methods import flat_methods
+from spectrabox.measure import captured, conditions, records, rules, texts
+from spectrabox.measure.results import capture_result, methods
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.photos import RegionEdge, RegionSamples
 from spectrabox.radiometry.records.spectra import SurfaceSignals
@@ -89,7 +86,7 @@ class FlatResult(capture_result.CaptureResult):
 
     @property
     def methods(self) -> list[str]:
-        return flat_methods(self)
+        return methods.flat_methods(self)
 
     @property
     def light(self) -> dict[str, tuple[float, float]]:
@@ -100,7 +97,7 @@ class FlatResult(capture_result.CaptureResult):
                 if surface.light is not None}
 
 
-def flat_result(capture: FlatCapture, records: CaptureRecords,
+def flat_result(capture: captured.FlatCapture, records: records.CaptureRecords,
                 picture_folder: str = "") -> FlatResult:
     """What was found of flat samples.
 
@@ -129,8 +126,8 @@ def flat_result(capture: FlatCapture, records: CaptureRecords,
                       photos=photos, picture_folder=picture_folder)
 
 
-def _photo_of_regions(capture: FlatCapture, records: CaptureRecords,
-                      view: View) -> PhotoOfRegions:
+def _photo_of_regions(capture: captured.FlatCapture, records: records.CaptureRecords,
+                      view: captured.View) -> PhotoOfRegions:
     photo = records.photo.photos[view.name]
     chart = records.chart.charts.get(view.name)
     height, width = photo.signal.shape[:2]
@@ -161,7 +158,7 @@ def _photo_of_regions(capture: FlatCapture, records: CaptureRecords,
         chart_held=None if held is None else held.means[1])
 
 
-def _lamp(view: View) -> dict[str, str]:
+def _lamp(view: captured.View) -> dict[str, str]:
     """What lights a photo, as values of its finding."""
     return {"light": view.light_words, "lamp_of": view.lamp, "moved": view.moved or "",
             "filter": "" if view.filter is None else view.filter_words}

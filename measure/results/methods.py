@@ -5,23 +5,19 @@ from typing import TYPE_CHECKING
 
 from spectrabox.calibrate.chart_findings import root_mean_square
 from spectrabox.measure import rules, texts, words
-from spectrabox.measure.rules import chart_residuals
-from spectrabox.radiometry.records.calibration import LightScale
-from spectrabox.radiometry.records.spectra import Spectrum
+from spectrabox.radiometry.records import calibration, spectra
 
 if TYPE_CHECKING:
-    from spectrabox.measure.results.capture_result import CaptureResult
-    from spectrabox.measure.results.flat_result import FlatResult
-    from spectrabox.measure.results.scene_result import SceneResult
+    from spectrabox.measure.results import capture_result, flat_result, scene_result
 
 
-def flat_methods(result: FlatResult) -> list[str]:
+def flat_methods(result: flat_result.FlatResult) -> list[str]:
     """Paragraphs of a measurement of flat samples."""
     return [_capture(result, "Flat samples were"), _camera(result), _flat_light(result),
             _sampling(result)]
 
 
-def scene_methods(result: SceneResult) -> list[str]:
+def scene_methods(result: scene_result.SceneResult) -> list[str]:
     """Paragraphs of a measurement of a scene."""
     scale = (f"The factor from rendered signal to the photo's signal, from "
              f"{result.light_scale.source}, is {scale_words(result.light_scale)}.")
@@ -29,7 +25,7 @@ def scene_methods(result: SceneResult) -> list[str]:
             _reconstruction(result), _sampling(result), _agreement(result)]
 
 
-def _capture(result: CaptureResult, subject: str) -> str:
+def _capture(result: capture_result.CaptureResult, subject: str) -> str:
     photo = result.photo
     settings = [
         f"exposure {words.exposure(photo.exposure_s)}" if photo.exposure_s is not None else "",
@@ -45,10 +41,10 @@ def _capture(result: CaptureResult, subject: str) -> str:
         f"{words.percent(photo.clipped_share)} of the pixels were clipped and left out.")
 
 
-def _camera(result: CaptureResult) -> str:
+def _camera(result: capture_result.CaptureResult) -> str:
     fit = result.calibration.sensitivity
     parts = [f"Camera sensitivities: {fit.method}."]
-    rms = root_mean_square(chart_residuals(result))
+    rms = root_mean_square(rules.chart_residuals(result))
     if rms is not None:
         parts.append(f"The rms residual over the chart patches is {words.percent(rms)}.")
     held_out = root_mean_square(fit.held_out_residuals)
@@ -58,12 +54,12 @@ def _camera(result: CaptureResult) -> str:
             "rms.")
     if fit.condition_number is not None:
         parts.append(f"The condition number of the fit is {words.number(fit.condition_number, 3)}.")
-    light: Spectrum = result.calibration.light
+    light: spectra.Spectrum = result.calibration.light
     parts.append(f"Light spectrum: {light.source}.")
     return " ".join(parts)
 
 
-def scale_words(scale: LightScale) -> str:
+def scale_words(scale: calibration.LightScale) -> str:
     """A light scale with its standard error."""
     if scale.standard_error is None:
         return f"{words.number(scale.value)} (standard error not stated)"
@@ -72,7 +68,7 @@ def scale_words(scale: LightScale) -> str:
         f"{words.percent(scale.standard_error / abs(scale.value))})")
 
 
-def _reconstruction(result: SceneResult) -> str:
+def _reconstruction(result: scene_result.SceneResult) -> str:
     made = result.reconstruction
     unknown = [material.name for material in result.surfaces if material.summary is not None]
     given = [material.name for material in result.surfaces if material.summary is None]
@@ -88,7 +84,7 @@ def _reconstruction(result: SceneResult) -> str:
             f"{texts.sentence(made.outcome.finding())}")
 
 
-def _sampling(result: CaptureResult) -> str:
+def _sampling(result: capture_result.CaptureResult) -> str:
     drawn = [m for m in result.surfaces if m.samples is not None and m.summary is not None]
     if not drawn:
         return "No spectra were drawn: every material was given."
@@ -104,7 +100,7 @@ def _sampling(result: CaptureResult) -> str:
             "class and on the stated errors of each signal.")
 
 
-def _agreement(result: SceneResult) -> str:
+def _agreement(result: scene_result.SceneResult) -> str:
     agreement = result.reconstruction.agreement
     worst = rules.worst_entry(agreement)
     if worst is None:
@@ -116,7 +112,7 @@ def _agreement(result: SceneResult) -> str:
             f"photo is {off} in band {result.bands[worst[1]]}.")
 
 
-def _flat_light(result: FlatResult) -> str:
+def _flat_light(result: flat_result.FlatResult) -> str:
     errors = [error for photo in result.photos for _, error in photo.light.values()]
     known = list(dict.fromkeys(name for photo in result.photos for name in photo.level_misfits))
     given = f" Regions of known spectrum ({words.listed(known)}) corrected it." if known else ""

@@ -9,12 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from spectrabox.measure import captured, conditions, rules
-from spectrabox.measure.records import CaptureRecords
-from spectrabox.measure.results import capture_result
-from spectrabox.measure.results.methods import scene_methods
-from spectrabox.radiometry.error_model import LEVEL_BY_PRIOR
-from spectrabox.radiometry.findings import Finding
+from spectrabox.measure import captured, conditions, records, rules
+from spectrabox.measure.results import capture_result, methods
+from spectrabox.radiometry import error_model, findings
 from spectrabox.radiometry.records.calibration import Calibration, LightScale
 from spectrabox.radiometry.records.scenes import Reconstruction, SceneGeometry
 
@@ -56,14 +53,14 @@ class SceneResult(capture_result.CaptureResult):
         expected of surfaces told it; None where a chart or a known material did.
         """
         return next((error.relative for error in self.light_scale.common_errors
-                     if error.cause == LEVEL_BY_PRIOR), None)
+                     if error.cause == error_model.LEVEL_BY_PRIOR), None)
 
     @property
-    def own_findings(self) -> list[Finding]:
+    def own_findings(self) -> list[findings.Finding]:
         return rules.scene_findings(self)
 
     @cached_property
-    def conditions(self) -> tuple[Finding, ...]:
+    def conditions(self) -> tuple[findings.Finding, ...]:
         return conditions.scene_conditions(self)
 
     @property
@@ -85,7 +82,7 @@ class SceneResult(capture_result.CaptureResult):
 
     @property
     def methods(self) -> list[str]:
-        return scene_methods(self)
+        return methods.scene_methods(self)
 
 
 def bsdf_reflectances(result: capture_result.CaptureResult, bsdfs: Mapping[str, str]
@@ -105,7 +102,7 @@ def bsdf_reflectances(result: capture_result.CaptureResult, bsdfs: Mapping[str, 
             (float(nm[0]), float(nm[-1])))
 
 
-def scene_result(capture: captured.SceneCapture, records: CaptureRecords,
+def scene_result(capture: captured.SceneCapture, records: records.CaptureRecords,
                  rehearsal: Rehearsed | None = None, picture_folder: str = "") -> SceneResult:
     """What was found of a scene.
 

@@ -10,8 +10,7 @@ import numpy as np
 from spectrabox.measure import estimate, extras, words
 from spectrabox.measure.regions.moved_lamp import InPlace, found_in_places
 from spectrabox.measure.results.facts import Fact, known_facts
-from spectrabox.measure.surfaces import surface_signals
-from spectrabox.measure.surfaces.colour_comparison import MetamerPair, metamer_pair
+from spectrabox.measure.surfaces import colour_comparison, surface_signals
 from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.grid import WavelengthGrid
 from spectrabox.radiometry.records import photos, spectra
@@ -93,18 +92,18 @@ class SurfaceResult(estimate.Estimate):
         return self.lab().standard_error
 
     @property
-    def metamers(self) -> MetamerPair | None:
+    def metamers(self) -> colour_comparison.MetamerPair | None:
         """Two of its draws that the photo cannot tell apart; None without two draws."""
         return self.compared[0]
 
     @cached_property
-    def compared(self) -> tuple[MetamerPair | None, Finding | None]:
+    def compared(self) -> tuple[colour_comparison.MetamerPair | None, Finding | None]:
         """The same, and why it could not be made."""
         samples = self.samples
         if samples is None or len(samples.spectra) < 2:
             return None, None
         return extras.attempt("comparison of spectra that look alike",
-                              lambda: metamer_pair(samples), None)
+                              lambda: colour_comparison.metamer_pair(samples), None)
 
     def facts(self) -> dict[str, Any]:
         """What is known, as plain numbers and sentences, by the keys of a region or a material of

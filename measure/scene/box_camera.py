@@ -10,24 +10,9 @@ from typing import Any, Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from spectrabox.calibrate.geometry import colmap_model, projection
-from spectrabox.calibrate.geometry.lens import (
-    Lens,
-    Pose,
-    camera_position,
-    mitsuba_sensor,
-    pinhole,
-)
-from spectrabox.calibrate.geometry.model_in_scene import (
-    ModelInScene,
-    model_in_scene,
-    pose_in_scene,
-)
-from spectrabox.calibrate.geometry.pose import (
-    lens_of_focal_length,
-    pose_and_focal_length,
-    pose_from_points,
-)
+from spectrabox.calibrate.geometry import colmap_model, model_in_scene, projection
+from spectrabox.calibrate.geometry import pose as poses
+from spectrabox.calibrate.geometry.lens import Lens, Pose, camera_position, mitsuba_sensor, pinhole
 from spectrabox.capture.photo.linear import photo_size
 from spectrabox.measure.captured import BoxPhoto, SceneView
 from spectrabox.radiometry.errors import CheckError, SpectraboxError
@@ -51,7 +36,7 @@ class BoxCamera:
     pose: Pose
     marks: Points                       # corners that were marked in the photo
     residuals_px: dict[str, float]      # of every mark
-    model: ModelInScene | None = None   # of COLMAP
+    model: model_in_scene.ModelInScene | None = None  # of COLMAP
 
     @property
     def sensor(self) -> Mapping[str, Any]:
@@ -238,9 +223,9 @@ def camera_from_corners(camera: box_tables.CameraTable, positions: Positions, le
     places = np.array([positions[name] for name in names])
     points = np.array([camera.corners_px[name] for name in names], dtype=float)
     if (lens := lens or stated_lens(camera, size)) is None:
-        pose, lens = pose_and_focal_length(places, points, *size, names)
+        pose, lens = poses.pose_and_focal_length(places, points, *size, names)
     else:
-        pose = pose_from_points(places, points, lens, names)
+        pose = poses.pose_from_points(places, points, lens, names)
     residuals = np.linalg.norm(pose.residuals_px, axis=1).tolist()
     return BoxCamera("corners", lens, pose, {name: (float(x), float(y)) for name, (x, y) in
                                              zip(names, points, strict=True)},
@@ -269,14 +254,14 @@ def camera_from_model(images: Mapping[str, colmap_model.ModelImage], image: str,
     CheckError
         If model and marked corners do not fit.
     """
-    model = model_in_scene(images, marks, positions)
+    model = model_in_scene.model_in_scene(images, marks, positions)
     lens = colmap_model.for_photo(images[image].lens, *size, image)
     scale = np.array(size) / (images[image].lens.width, images[image].lens.height)
     own: dict[str, tuple[float, float]] = {}
     for corner, point in marks.get(image, {}).items():
         x, y = (np.array(point) + 0.5) * scale - 0.5        # a pixel's middle is a whole number
         own[corner] = (float(x), float(y))
-    return BoxCamera("COLMAP", lens, pose_in_scene(images[image], model), own,
+    return BoxCamera("COLMAP", lens, model_in_scene.pose_in_scene(images[image], model), own,
                      {corner: model.residuals_px[image, corner] for corner in own}, model)
 
 
@@ -284,8 +269,8 @@ def stated_lens(camera: box_tables.CameraTable, size: tuple[int, int]) -> Lens |
     """The lens without distortion of a stated field of view; None where none is stated."""
     if camera.fov_deg is None:
         return None
-    return lens_of_focal_length(size[0] / (2 * float(np.tan(np.radians(camera.fov_deg) / 2))),
-                                *size)
+    return poses.lens_of_focal_length(size[0] / (2 * float(np.tan(np.radians(camera.fov_deg) / 2))),
+                                      *size)
 
 
 def require_in_front(box: box_tables.BoxTable, camera: BoxCamera) -> None:

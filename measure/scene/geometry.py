@@ -6,13 +6,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from spectrabox.measure.captured import BoxPhoto, SceneCapture
-from spectrabox.measure.scene.box_camera import (
-    BoxCamera,
-    box_camera,
-    box_text,
-    undistorted_shares,
-    visible_corners,
-)
+from spectrabox.measure.scene import box_camera
 from spectrabox.radiometry.records import scenes
 from spectrabox.reconstruct.scene import box_scene, box_tables, edit_scene, scene_file
 
@@ -38,7 +32,7 @@ def scene_geometry(capture: SceneCapture) -> scenes.SceneGeometry:
             placements += lamp_placements(stated.box.lamp)
         if stated.camera.measured or stated.camera_view != view.name:   # another photo's camera
             continue
-        camera = box_camera(stated)
+        camera = box_camera.box_camera(stated)
         placements.append(camera_placement(view.name, camera))
         views.append(marked_view(view.name, stated.box, camera))
     for file, refinements in capture.refinements.items():
@@ -64,7 +58,7 @@ def box_scenes(capture: SceneCapture) -> dict[str, str]:
                 scene.camera_view == other.camera_view and scene.box == other.box
                 for other in stated.values()):
             stated[name] = scene
-    return {name: box_text(scene) for name, scene in stated.items()}
+    return {name: box_camera.box_text(scene) for name, scene in stated.items()}
 
 
 def lamp_placements(lamp: box_tables.LampTable) -> list[scenes.Placement]:
@@ -94,7 +88,7 @@ def refined_placements(file: str,
                       np.array(refinement.standard_error)) for refinement in refinements]
 
 
-def camera_placement(name: str, camera: BoxCamera) -> scenes.Placement:
+def camera_placement(name: str, camera: box_camera.BoxCamera) -> scenes.Placement:
     """The placement of an estimated camera of a box.
 
     Parameters
@@ -117,7 +111,8 @@ def camera_placement(name: str, camera: BoxCamera) -> scenes.Placement:
                      np.array(camera.at_mm), None, np.array(camera.standard_error_mm))
 
 
-def marked_view(name: str, box: box_tables.BoxTable, camera: BoxCamera) -> scenes.MarkedView:
+def marked_view(name: str, box: box_tables.BoxTable,
+                camera: box_camera.BoxCamera) -> scenes.MarkedView:
     """The edges of a box, and its marked corners, as a camera sees them.
 
     Parameters
@@ -128,8 +123,9 @@ def marked_view(name: str, box: box_tables.BoxTable, camera: BoxCamera) -> scene
         Turned as in this photo.
     camera : BoxCamera
     """
-    seen = undistorted_shares(camera, visible_corners(camera, box.corner_positions()))
-    marked = undistorted_shares(camera, camera.marks)
+    seen = box_camera.undistorted_shares(camera,
+                                         box_camera.visible_corners(camera, box.corner_positions()))
+    marked = box_camera.undistorted_shares(camera, camera.marks)
     corners = tuple(marked)
     return scenes.MarkedView(
         name, np.array([[seen[start], seen[end]] for start, end in box_scene.box_edges(box)]),

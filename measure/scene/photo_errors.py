@@ -24,8 +24,7 @@ from spectrabox.measure.surfaces.surface_signals import measurement, scene_signa
 from spectrabox.radiometry import error_model
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import calibration, scenes, spectra
-from spectrabox.reconstruct import agreement, inverse_rendering
-from spectrabox.reconstruct.settings import InversionSettings
+from spectrabox.reconstruct import agreement, inverse_rendering, settings
 from spectrabox.reconstruct.view import PhotoView
 from spectrabox.sampling.prior import mixture, mixture_posterior
 from spectrabox.sampling.spectral_measurement import response_on
@@ -99,7 +98,7 @@ SCALE_PASSES = 3            # reflections between surfaces change with the stren
 FROM_PRIOR = "what the prior expects of surfaces, since nothing states the strength of the light"
 
 
-def scale_from_prior(view: PhotoView, settings: InversionSettings,
+def scale_from_prior(view: PhotoView, settings: settings.InversionSettings,
                      families: Mapping[str, Sequence[str]],
                      progress: spectra.Progress) -> calibration.LightScale:
     """The strength of the light under which the materials are most probable.

@@ -11,18 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.radiometry.appearance import ciede2000, lab_from_xyz
-from spectrabox.radiometry.colour_science import adapted_srgb
+from spectrabox.radiometry import appearance, colour_science
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.records.spectra import SpectrumSamples, WavelengthGrid
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
-from spectrabox.reconstruct.rendering.renderer import (
-    load_scene,
-    register_spectral_texture,
-    render,
-)
-from spectrabox.reconstruct.scene import stated
-from spectrabox.reconstruct.scene.scene_file import SceneFile
+from spectrabox.reconstruct.rendering import renderer
+from spectrabox.reconstruct.scene import scene_file, stated
 from spectrabox.reconstruct.scene.scene_xml import NO_TEXTURES, scene_xml
 
 WHITE_PERCENTILE = 99.5            # percentile of luminance that the picture shows as white
@@ -42,7 +36,7 @@ class ColourSpread:
     delta_e00_95: float | None
 
 
-def relight(scene: SceneFile, bsdfs: Mapping[str, str],
+def relight(scene: scene_file.SceneFile, bsdfs: Mapping[str, str],
             spectra: Mapping[str, np.ndarray | SpectrumSamples], grid: WavelengthGrid,
             light: np.ndarray, observer: np.ndarray, *, size: tuple[int, int], spp: int,
             seed: int, textures: Mapping[str, Path] = NO_TEXTURES
@@ -87,14 +81,14 @@ def relight(scene: SceneFile, bsdfs: Mapping[str, str],
                     bands=dict(zip("XYZ", observer, strict=True)),
                     range_nm=(grid.nm[0], grid.nm[-1]), size=size, textures=textures)
     if textures:
-        register_spectral_texture()
-    xyz, _ = render(load_scene(xml), spp, seed)
+        renderer.register_spectral_texture()
+    xyz, _ = renderer.render(renderer.load_scene(xml), spp, seed)
     xyz = xyz / np.percentile(xyz[..., 1], WHITE_PERCENTILE)
     white = _tristimulus(np.ones_like(grid.nm), grid, light, observer)
     colours = tuple(colour_spread(name, means[name],
                                   known if isinstance(known, SpectrumSamples) else None,
                                   grid, light, observer) for name, known in spectra.items())
-    return xyz, adapted_srgb(xyz, white), colours
+    return xyz, colour_science.adapted_srgb(xyz, white), colours
 
 
 def light_by_itself(calibration: Calibration, grid: WavelengthGrid) -> np.ndarray:
@@ -136,14 +130,14 @@ def colour_spread(name: str, mean: np.ndarray, draws: SpectrumSamples | None, gr
         Colour-matching functions.
     """
     white = _tristimulus(np.ones_like(grid.nm), grid, power, matching)
-    lab = lab_from_xyz(_tristimulus(mean, grid, power, matching), white)
+    lab = appearance.lab_from_xyz(_tristimulus(mean, grid, power, matching), white)
     median = upper = None
     if draws is not None:
         # From all over: samplers of several modes give their draws mode after mode.
         some = np.linspace(0, len(draws.spectra) - 1, min(DRAWS, len(draws.spectra))).astype(int)
         spectra = np.array([np.interp(grid.nm, draws.grid.nm, draws.spectra[index])
                             for index in some])
-        others = lab_from_xyz(_tristimulus(spectra, grid, power, matching), white)
-        differences = ciede2000(others, lab)
+        others = appearance.lab_from_xyz(_tristimulus(spectra, grid, power, matching), white)
+        differences = appearance.ciede2000(others, lab)
         median, upper = float(np.median(differences)), float(np.quantile(differences, 0.95))
     return ColourSpread(name, (float(lab[0]), float(lab[1]), float(lab[2])), median, upper)

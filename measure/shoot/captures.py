@@ -13,8 +13,7 @@ from spectrabox.calibrate.geometry.colmap_model import ModelImage, read_colmap
 from spectrabox.calibrate.geometry.lens import read_lens
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.measure import captured
-from spectrabox.measure.shoot import options
-from spectrabox.measure.shoot.curves import FilterTable, LightTable, SpectrumTable
+from spectrabox.measure.shoot import curves, options
 from spectrabox.measure.shoot.inputs import Inputs, chart_files, chart_of
 from spectrabox.measure.shoot.shoot import FILE_NAME, CompleteView, Shoot, SurfaceSection
 from spectrabox.radiometry import chart, errors, grid
@@ -179,12 +178,12 @@ class _Reader:
         }
 
 
-def _words(light: LightTable) -> str:
+def _words(light: curves.LightTable) -> str:
     """How a light is stated."""
     return light.file or light.word or f"unknown light of {light.cct:g} K"
 
 
-def _words_of_filter(table: FilterTable) -> str:
+def _words_of_filter(table: curves.FilterTable) -> str:
     """How a filter is stated."""
     if table.file is None:
         return "an unknown filter"
@@ -251,7 +250,7 @@ def read_sensitivities(shoot: Shoot, inputs: Inputs) -> tuple[tuple[str, ...], n
     return names, np.maximum(on, 0.0) / on.max()
 
 
-def read_light(inputs: Inputs, table: LightTable) -> spectra.Spectrum | spectra.UnknownLight:
+def read_light(inputs: Inputs, table: curves.LightTable) -> spectra.Spectrum | spectra.UnknownLight:
     """Light spectrum as its file gives it, or what is known of it.
 
     Raises
@@ -277,7 +276,7 @@ def read_light(inputs: Inputs, table: LightTable) -> spectra.Spectrum | spectra.
     return light
 
 
-def read_known_light(inputs: Inputs, table: LightTable) -> spectra.Spectrum:
+def read_known_light(inputs: Inputs, table: curves.LightTable) -> spectra.Spectrum:
     """The same where a spectrum is needed.
 
     Raises
@@ -293,7 +292,7 @@ def read_known_light(inputs: Inputs, table: LightTable) -> spectra.Spectrum:
     return light
 
 
-def read_filter(inputs: Inputs, table: FilterTable) -> calibration.Filter:
+def read_filter(inputs: Inputs, table: curves.FilterTable) -> calibration.Filter:
     """A filter of the session, with its error.
 
     Raises
@@ -308,7 +307,7 @@ def read_filter(inputs: Inputs, table: FilterTable) -> calibration.Filter:
     return read_filter_file(inputs.path(table.file), table.column)
 
 
-def read_reflectance(inputs: Inputs, table: SpectrumTable) -> spectra.Spectrum:
+def read_reflectance(inputs: Inputs, table: curves.SpectrumTable) -> spectra.Spectrum:
     """Reflectance that covers 400-700 nm.
 
     Raises

@@ -9,16 +9,12 @@ import numpy as np
 from spectrabox.measure.captured import SceneCapture, SceneView
 from spectrabox.measure.opened_photos import require_one_camera
 from spectrabox.measure.records import CaptureRecords, ReconstructionRecords
-from spectrabox.measure.scene import photo_errors
-from spectrabox.measure.scene.box_camera import scene_of
-from spectrabox.measure.scene.draws import require_one_transport
-from spectrabox.measure.scene.geometry import box_scenes, scene_geometry
+from spectrabox.measure.scene import box_camera, draws, geometry, photo_errors
 from spectrabox.measure.steps.work import Work
 from spectrabox.measure.surfaces.surface_signals import scene_signals
-from spectrabox.radiometry import error_model
+from spectrabox.radiometry import error_model, light_scale
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding, each_once
-from spectrabox.radiometry.light_scale import scale_for_photo
 from spectrabox.radiometry.records.calibration import Calibration, LightScale
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.records.spectra import Progress
@@ -62,7 +58,7 @@ def invert_photos(capture: SceneCapture, records: CaptureRecords,
                                                 work.checkpoint(TRACE))
     joint = photo_errors.with_stray_light(joint, stated_errors(capture, records, views))
     return ReconstructionRecords(joint, scene_signals(joint, records.calibrations(capture.views)),
-                                 scene_geometry(capture), box_scenes(capture),
+                                 geometry.scene_geometry(capture), geometry.box_scenes(capture),
                                  each_once(one for view in views for one in view.findings))
 
 
@@ -126,7 +122,7 @@ def require_invertible(capture: SceneCapture, records: CaptureRecords, device: s
     if capture.sampling.through == "transport":
         alike = settings.engine not in inverse_rendering.SINGLE_VIEW and not any(view.own_lights
                                                                                  for view in views)
-        require_one_transport(len(views), alike)
+        draws.require_one_transport(len(views), alike)
     return inverse_rendering.forecast(views, settings), findings
 
 
@@ -160,7 +156,7 @@ def views_of(capture: SceneCapture, records: CaptureRecords) -> list[PhotoView]:
     for own, calibration in zip(capture.views, records.calibrations(capture.views), strict=True):
         photo = records.photo.photos[own.name]
         scale = scale_of_view(capture, own, photo, calibration, records)
-        scene = scene_of(own.scene)
+        scene = box_camera.scene_of(own.scene)
         views.append(PhotoView(own.title, scene, photo, calibration, bands,
                                materials_of(capture, scene), scale, dict(own.lights_by_id),
                                own.lamp))
@@ -285,7 +281,7 @@ def scale_of_view(capture: SceneCapture, view: SceneView, photo: LinearImage,
     if with_chart is None or chart is None or calibration.light_scale is None:
         return None
     scale = error_model.with_common_error(
-        scale_for_photo(calibration.light_scale, chart.thumbnail, photo),
+        light_scale.scale_for_photo(calibration.light_scale, chart.thumbnail, photo),
         error_model.SCENE_LEVEL, capture.repeatability.scene_level)
     if with_chart.chart == view.photo:
         return scale

@@ -11,14 +11,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol, cast
 
-from spectrabox.measure.captured import Capture
-from spectrabox.measure.opened_photos import OpenPhotos
+from spectrabox.measure import captured, opened_photos
 from spectrabox.measure.records import CaptureRecords, KeptRecord, Kind
-from spectrabox.measure.steps import declared_steps
-from spectrabox.measure.steps.calibration import calibrate_flat, calibrate_scene
-from spectrabox.measure.steps.inversion import invert_photos
-from spectrabox.measure.steps.photos import find_charts, measure_flat_photos, measure_scene_photos
-from spectrabox.measure.steps.pictures import flat_picture, scene_picture
+from spectrabox.measure.steps import calibration, declared_steps, inversion, photos, pictures
 from spectrabox.measure.steps.signals import draw_surfaces, find_signals
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.records.spectra import Progress
@@ -27,17 +22,17 @@ from spectrabox.radiometry.system.threads import one_blas_thread
 
 StepFunction = Callable[[Any, CaptureRecords, Work], Record]
 FUNCTIONS: dict[declared_steps.Step, StepFunction] = {
-    declared_steps.CHART: find_charts,
-    declared_steps.FLAT_PHOTOS: measure_flat_photos,
-    declared_steps.FLAT_CALIBRATION: calibrate_flat,
+    declared_steps.CHART: photos.find_charts,
+    declared_steps.FLAT_PHOTOS: photos.measure_flat_photos,
+    declared_steps.FLAT_CALIBRATION: calibration.calibrate_flat,
     declared_steps.SIGNALS: find_signals,
     declared_steps.FLAT_SPECTRA: draw_surfaces,
-    declared_steps.FLAT_PICTURE: flat_picture,
-    declared_steps.SCENE_PHOTOS: measure_scene_photos,
-    declared_steps.SCENE_CALIBRATION: calibrate_scene,
-    declared_steps.INVERSION: invert_photos,
+    declared_steps.FLAT_PICTURE: pictures.flat_picture,
+    declared_steps.SCENE_PHOTOS: photos.measure_scene_photos,
+    declared_steps.SCENE_CALIBRATION: calibration.calibrate_scene,
+    declared_steps.INVERSION: inversion.invert_photos,
     declared_steps.SCENE_SPECTRA: draw_surfaces,
-    declared_steps.SCENE_PICTURE: scene_picture}
+    declared_steps.SCENE_PICTURE: pictures.scene_picture}
 
 
 class Keeper(Protocol):
@@ -94,7 +89,7 @@ class MemoryKeeper:
             lambda share, message: self.progress(step.name, share, message), folder))
 
 
-def measure(capture: Capture, keeper: Keeper, *, device: str = "auto",
+def measure(capture: captured.Capture, keeper: Keeper, *, device: str = "auto",
             checkpoints: Path | None = None, before: str | None = None) -> CaptureRecords:
     """Photos to spectra: the steps that the capture needs, in their order.
 
@@ -119,7 +114,7 @@ def measure(capture: Capture, keeper: Keeper, *, device: str = "auto",
     SpectraboxError
         As the steps.
     """
-    photos = OpenPhotos(capture)
+    photos = opened_photos.OpenPhotos(capture)
     for step in declared_steps.steps_of(capture):
         if step.name == before:
             break

@@ -14,14 +14,8 @@ from spectrabox.calibrate.geometry.projection import undistorted
 from spectrabox.capture.chart import patches, quality
 from spectrabox.capture.chart.detection import chart_overlay
 from spectrabox.capture.photo import preview
+from spectrabox.capture.photo import registration as registering
 from spectrabox.capture.photo.regions import sample_regions
-from spectrabox.capture.photo.registration import (
-    Edges,
-    distance_px,
-    find_edges,
-    register,
-    registered,
-)
 from spectrabox.measure import captured, opened_photos
 from spectrabox.measure.records import CaptureRecords, ChartRecords, MeasuredChart, PhotoRecords
 from spectrabox.measure.scene.box_camera import lens_of, scene_of
@@ -30,12 +24,7 @@ from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry import errors, grid
 from spectrabox.radiometry.chart import typical_camera_signals
 from spectrabox.radiometry.findings import Finding, Severity, faults
-from spectrabox.radiometry.records.photos import (
-    ChartDetection,
-    LinearImage,
-    RegionSamples,
-    Registration,
-)
+from spectrabox.radiometry.records import photos as photo_records
 from spectrabox.reconstruct.scene.scene_file import require_same_shape
 
 THUMBNAIL_WIDTH = 48     # pixels: a chart photo is kept only for its exposure and source
@@ -62,7 +51,7 @@ def find_charts(capture: captured.Capture, records: CaptureRecords, work: Work) 
     views = capture.views_with_chart
     charts: dict[str, MeasuredChart] = {}
     findings: list[Finding] = []
-    first: tuple[ChartDetection, Edges] | None = None
+    first: tuple[photo_records.ChartDetection, registering.Edges] | None = None
     for index, view in enumerate(views):
         name = view.chart_names[0]
         work.progress((index + 0.1) / len(views), f"finding the chart in {name}")
@@ -71,7 +60,7 @@ def find_charts(capture: captured.Capture, records: CaptureRecords, work: Work) 
         again = None if first is None else _moved(*first, photo)
         detection, expected = find_stated_chart(capture, view, photo, again)
         if capture.one_tripod and len(capture.views) > 1 and first is None:
-            first = detection, find_edges(photo)
+            first = detection, registering.find_edges(photo)
         findings += work.write_picture(view.label("overlay"),
                                        partial(chart_overlay, photo, detection))
         verdict = quality.judge_chart(photo, detection, expected, chart.layout,
@@ -113,10 +102,12 @@ def find_stated_chart(capture: captured.Capture, view: captured.View, photo: Lin
                           filtered=view.filter is not None, excluded=chart.excluded), expected
 
 
-def _moved(before: ChartDetection, edges: Edges, photo: LinearImage) -> ChartDetection:
+def _moved(before: photo_records.ChartDetection, edges: registering.Edges,
+           photo: photo_records.LinearImage) -> photo_records.ChartDetection:
     """The chart of another photo where a photo that is shifted against it shows it."""
-    other = find_edges(photo)
-    registration = register(edges, other) if edges.size.shape == other.size.shape else None
+    other = registering.find_edges(photo)
+    registration = registering.register(edges,
+                                        other) if edges.size.shape == other.size.shape else None
     return before if registration is None else dataclasses.replace(
         before, corners_px=registration.moved(before.corners_px))
 
@@ -150,11 +141,11 @@ def measure_flat_photos(capture: captured.FlatCapture, records: CaptureRecords,
         If a further photo was not taken from the tripod of the first.
     """
     several = len(capture.views) > 1
-    photos: dict[str, LinearImage] = {}
-    regions: dict[str, RegionSamples] = {}
-    registrations: dict[str, Registration] = {}
+    photos: dict[str, photo_records.LinearImage] = {}
+    regions: dict[str, photo_records.RegionSamples] = {}
+    registrations: dict[str, photo_records.Registration] = {}
     findings: list[Finding] = []
-    first_edges: Edges | None = None
+    first_edges: registering.Edges | None = None
     for index, view in enumerate(capture.views):
         work.progress((index + 0.1) / len(capture.views), f"reading {view.photo_names[0]}")
         photo, own_findings = work.photos.developed(view.photo)
@@ -163,7 +154,7 @@ def measure_flat_photos(capture: captured.FlatCapture, records: CaptureRecords,
             *(chart.thumbnail for chart in records.chart.charts.values()), *photos.values(), photo
         ])
         if several and not view.name:
-            first_edges = find_edges(photo)
+            first_edges = registering.find_edges(photo)
         elif first_edges is not None:
             both = _outlines_in_both(capture, view)
             registration = _registration(capture, records, view, both, first_edges, photo)
@@ -205,7 +196,7 @@ def measure_scene_photos(capture: captured.SceneCapture, records: CaptureRecords
     InputError
         If a photo's shape is not that of its scene.
     """
-    photos: dict[str, LinearImage] = {}
+    photos: dict[str, photo_records.LinearImage] = {}
     findings: list[Finding] = []
     for index, view in enumerate(capture.views):
         name = view.photo_names[0]
@@ -236,8 +227,8 @@ def _outlines_in_both(capture: captured.FlatCapture,
 
 
 def _registration(capture: captured.FlatCapture, records: CaptureRecords, view: captured.View,
-                  both: Mapping[str, captured.Outline], first_edges: Edges,
-                  photo: LinearImage) -> Registration | None:
+                  both: Mapping[str, captured.Outline], first_edges: registering.Edges,
+                  photo: photo_records.LinearImage) -> photo_records.Registration | None:
     """How a photo is shifted against the first; None where no region is in both, or both have too
     little in common to tell.
 
@@ -251,8 +242,9 @@ def _registration(capture: captured.FlatCapture, records: CaptureRecords, view: 
     if not both:
         return None
     first = capture.views[0]
-    return registered(first_edges, find_edges(photo), (first.photo_names[0], view.photo_names[0]),
-                      both, _charts_px(records.chart.charts, first, view))
+    return registering.registered(first_edges, registering.find_edges(photo),
+                                  (first.photo_names[0], view.photo_names[0]),
+                                  both, _charts_px(records.chart.charts, first, view))
 
 
 def _not_registered(capture: captured.FlatCapture, records: CaptureRecords,
@@ -262,11 +254,12 @@ def _not_registered(capture: captured.FlatCapture, records: CaptureRecords,
     chart_px = _charts_px(records.chart.charts, first, view)
     return Finding("photo.not-registered", Severity.NOTE, view.photo_names[0], {
         "first": first.photo_names[0],
-        "chart_px": None if chart_px is None else float(distance_px(chart_px))})
+        "chart_px": None if chart_px is None else float(registering.distance_px(chart_px))})
 
 
 def registration_of(charts: Mapping[str, MeasuredChart], first: captured.View, view: captured.View,
-                    first_edges: Edges, edges: Edges) -> Registration | None:
+                    first_edges: registering.Edges,
+                    edges: registering.Edges) -> photo_records.Registration | None:
     """How a photo is shifted against the first; None where both have too little in common to tell.
 
     Parameters
@@ -277,7 +270,7 @@ def registration_of(charts: Mapping[str, MeasuredChart], first: captured.View, v
     first_edges, edges : Edges
         Of their photos.
     """
-    return register(first_edges, edges, _charts_px(charts, first, view))
+    return registering.register(first_edges, edges, _charts_px(charts, first, view))
 
 
 def _charts_px(charts: Mapping[str, MeasuredChart], first: captured.View,
@@ -290,7 +283,8 @@ def _charts_px(charts: Mapping[str, MeasuredChart], first: captured.View,
 
 
 def outlines_in(capture: captured.FlatCapture, view: captured.View,
-                registration: Registration | None) -> dict[str, Sequence[Sequence[float]]]:
+                registration: photo_records.Registration
+                | None) -> dict[str, Sequence[Sequence[float]]]:
     """Outlines of the regions that the photo of a view shows, in its own pixels.
 
     Parameters
@@ -312,7 +306,7 @@ def uneven_region(name: str, scatter: float, photo: str = "") -> Finding:
         "scatter": scatter, "limit": UNEVEN, "photo": photo})
 
 
-def uneven_regions(samples: RegionSamples, photo: str = "") -> list[Finding]:
+def uneven_regions(samples: photo_records.RegionSamples, photo: str = "") -> list[Finding]:
     """Regions whose pixels scatter by more than noise and even light.
 
     Parameters

@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from spectrabox.measure.surfaces.colour_comparison import independent_bands
-from spectrabox.radiometry import error_model
+from spectrabox.radiometry import error_model, gloss
 from spectrabox.radiometry.covariance import symmetric, symmetric_root
-from spectrabox.radiometry.gloss import gloss_states
 from spectrabox.radiometry.records import calibration, scenes, spectra
 from spectrabox.sampling import spectral_measurement
 
@@ -62,7 +61,7 @@ def _gloss_of(joint: scenes.JointReconstruction) -> tuple[spectra.CaptureStates,
     if not joint.gloss:
         return ()
     lamps = [joint.lamps[view] if joint.lamps else str(view) for view in joint.view_of_band]
-    glosses = [gloss_states(joint.gloss.get(name), lamps) for name in joint.materials]
+    glosses = [gloss.gloss_states(joint.gloss.get(name), lamps) for name in joint.materials]
     return tuple(gloss if name in joint.gloss else gloss.through(np.zeros((len(lamps),) * 2))
                  for name, gloss in zip(joint.materials, glosses, strict=True))
 

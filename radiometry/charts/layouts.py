@@ -14,13 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from spectrabox.radiometry import checked_tables, errors
-from spectrabox.radiometry.chart import (
-    CLASSIC,
-    GLOSSY_PATCHES,
-    Chart,
-    grid_chart,
-    outlined_chart,
-)
+from spectrabox.radiometry.chart import CLASSIC, GLOSSY_PATCHES, Chart, grid_chart, outlined_chart
 from spectrabox.radiometry.system.words import nearest_words
 
 LAYOUT_SUFFIX = ".toml"

@@ -21,18 +21,8 @@ from typing import Annotated
 
 import numpy as np
 
+from spectrabox.radiometry import chart as charts
 from spectrabox.radiometry import errors, files, shaped
-from spectrabox.radiometry.chart import (
-    AS_ASKED,
-    BEFORE_2014,
-    COPIES_BEFORE_2014,
-    COPIES_SINCE_2014,
-    SINCE_2014,
-    Chart,
-    chart_reflectances,
-    order_correlations,
-    typical_camera_signals,
-)
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.published.published_tables import published_colours
 from spectrabox.radiometry.records.spectra import Quantity, WavelengthGrid
@@ -133,7 +123,7 @@ def _principal(grid: WavelengthGrid, width_nm: float) -> np.ndarray:
     return np.asarray(terms / np.linalg.norm(terms, axis=1, keepdims=True))
 
 
-def editions(chart: Chart, taken_at: str = "") -> tuple[ChartCopies, ...]:
+def editions(chart: charts.Chart, taken_at: str = "") -> tuple[ChartCopies, ...]:
     """The editions that a chart of a layout may be of, the likelier first, on FINE_GRID; none where
     no copies of it are known.
 
@@ -145,9 +135,9 @@ def editions(chart: Chart, taken_at: str = "") -> tuple[ChartCopies, ...]:
     """
     if not chart.references:
         return ()
-    if COPIES_SINCE_2014 not in chart.references:
+    if charts.COPIES_SINCE_2014 not in chart.references:
         name = chart.references[0]
-        return (copies_of(name, chart_reflectances(name, FINE_GRID, chart), chart.neutrals,
+        return (copies_of(name, charts.chart_reflectances(name, FINE_GRID, chart), chart.neutrals,
                           FINE_GRID, larger=ANOTHER),)
     since, before = _classic_editions()
     if taken_at and taken_at < "2014-11":
@@ -159,9 +149,12 @@ def editions(chart: Chart, taken_at: str = "") -> tuple[ChartCopies, ...]:
 def _classic_editions() -> tuple[ChartCopies, ChartCopies]:
     neutrals = tuple(range(18, 24))
     since, before = (
-        copies_of(name, chart_reflectances(name, FINE_GRID), neutrals, FINE_GRID, share, made=made)
-        for name, share, made in ((COPIES_SINCE_2014, 1 - SHARE_BEFORE_2014, SINCE_2014),
-                                  (COPIES_BEFORE_2014, SHARE_BEFORE_2014, BEFORE_2014)))
+        copies_of(name, charts.chart_reflectances(name, FINE_GRID), neutrals, FINE_GRID, share,
+                  made=made)
+        for name, share, made in ((charts.COPIES_SINCE_2014, 1 - SHARE_BEFORE_2014,
+                                   charts.SINCE_2014),
+                                  (charts.COPIES_BEFORE_2014, SHARE_BEFORE_2014,
+                                   charts.BEFORE_2014)))
     return since, before
 
 
@@ -175,7 +168,8 @@ SHARPENED = np.array([(0.8951, 0.2664, -0.1614), (-0.7502, 1.7135, 0.0367),
                       (0.0389, -0.0685, 1.0296)])
 
 
-def reference_file(reference: str | None, chart: Chart, folder: Path = Path()) -> Path | None:
+def reference_file(reference: str | None, chart: charts.Chart,
+                   folder: Path = Path()) -> Path | None:
     """The file that a chart's reflectances come from; None where they are published.
 
     Parameters
@@ -191,7 +185,7 @@ def reference_file(reference: str | None, chart: Chart, folder: Path = Path()) -
     return folder / reference if files.names_a_file(reference) else None
 
 
-def reference_reflectances(reference: str | None, chart: Chart, grid: WavelengthGrid,
+def reference_reflectances(reference: str | None, chart: charts.Chart, grid: WavelengthGrid,
                            folder: Path = Path()) -> np.ndarray:
     """Reflectances (I, P) of a chart, in chart order.
 
@@ -216,10 +210,10 @@ def reference_reflectances(reference: str | None, chart: Chart, grid: Wavelength
             f"no reflectances of a {chart.name} are published that may ship with "
             f"spectrabox; measure its {len(chart.names)} patches, or ask its maker "
             "for their spectra, and give that file as reference (CSV or CGATS)")
-    return chart_reflectances(reference or chart.references[0], grid, chart)
+    return charts.chart_reflectances(reference or chart.references[0], grid, chart)
 
 
-def published_signals(chart: Chart, grid: WavelengthGrid) -> np.ndarray:
+def published_signals(chart: charts.Chart, grid: WavelengthGrid) -> np.ndarray:
     """Signals (I, 3) that an ordinary camera would read of a chart of published colours.
 
     Parameters
@@ -229,11 +223,12 @@ def published_signals(chart: Chart, grid: WavelengthGrid) -> np.ndarray:
     grid : WavelengthGrid
     """
     if chart.colours is None:
-        return typical_camera_signals(chart_reflectances(chart.references[0], grid, chart), grid)
+        return charts.typical_camera_signals(charts.chart_reflectances(chart.references[0], grid,
+                                                                       chart), grid)
     return np.maximum(published_colours(chart.colours) @ SHARPENED.T, DARKEST)
 
 
-def measured_chart(path: Path, grid: WavelengthGrid, chart: Chart) -> np.ndarray:
+def measured_chart(path: Path, grid: WavelengthGrid, chart: charts.Chart) -> np.ndarray:
     """Reflectances (I, P) of one's own chart, in chart order.
 
     Samples that have the names of the chart's patches are put in order by them, whatever order the
@@ -273,7 +268,7 @@ def measured_chart(path: Path, grid: WavelengthGrid, chart: Chart) -> np.ndarray
     return reflectances
 
 
-def _by_name(table: SpectralTable, samples: list[int], chart: Chart) -> list[int] | None:
+def _by_name(table: SpectralTable, samples: list[int], chart: charts.Chart) -> list[int] | None:
     """Index in the table of every patch, in chart order; None where patches are not named so."""
     labels = [[_plain(table.names[index]) for index in samples],
               [_plain(table.fact("location", index) or "") for index in samples]]
@@ -290,12 +285,13 @@ def _plain(name: str) -> str:
     return re.sub(r"(?<=[a-z])0+(?=\d)", "", re.sub(r"[\s_-]+", "", name.lower()))
 
 
-def _require_chart(file: str, reflectances: np.ndarray, grid: WavelengthGrid, chart: Chart) -> None:
+def _require_chart(file: str, reflectances: np.ndarray, grid: WavelengthGrid,
+                   chart: charts.Chart) -> None:
     """Refuse reflectances of another chart, or in another order."""
-    correlations = order_correlations(typical_camera_signals(reflectances, grid),
-                                      published_signals(chart, grid), chart.rows)
+    correlations = charts.order_correlations(charts.typical_camera_signals(reflectances, grid),
+                                             published_signals(chart, grid), chart.rows)
     best = max(correlations, key=lambda words: correlations[words])
-    as_listed = correlations[AS_ASKED]
+    as_listed = correlations[charts.AS_ASKED]
     if correlations[best] > max(SURE_CORRELATION, as_listed + CLEAR_GAIN):
         raise errors.CheckError(
             f"{file} lists the patches of a {chart.name} {best}: in that order they "

@@ -15,8 +15,7 @@ import numpy as np
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.calibration import Filter
-from spectrabox.radiometry.spectra import spectrum_files
-from spectrabox.radiometry.spectra.light_words import UNKNOWN
+from spectrabox.radiometry.spectra import light_words, spectrum_files
 
 RELATIVE_ERROR, LENGTH_NM = 0.02, 60.0      # of a stated transmittance; and how smooth its error is
 SHIFT_NM = 0.5              # standard error of the wavelengths of a spectrometer
@@ -52,7 +51,7 @@ def stated_filter(name: str, transmittance: np.ndarray,
 
 def unknown_filter() -> Filter:
     """A filter whose transmittance nobody measured: smooth, of any level."""
-    return Filter(UNKNOWN, np.full(FINE_GRID.nm.size, UNKNOWN_LEVEL),
+    return Filter(light_words.UNKNOWN, np.full(FINE_GRID.nm.size, UNKNOWN_LEVEL),
                   _smooth_modes(np.full(FINE_GRID.nm.size, UNKNOWN_SD), UNKNOWN_LENGTH_NM))
 
 

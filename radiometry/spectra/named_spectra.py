@@ -11,13 +11,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import names_a_file
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.published import published_tables
-from spectrabox.radiometry.records.spectra import (
-    Quantity,
-    Spectrum,
-    UnknownLight,
-    WavelengthGrid,
-    default_band_names,
-)
+from spectrabox.radiometry.records import spectra as spectral_records
 from spectrabox.radiometry.spectra import light_words, spectrum_files
 from spectrabox.radiometry.spectra.cameras import own_cameras
 from spectrabox.radiometry.system.words import known_name, nearest_words
@@ -26,7 +20,7 @@ NEAR = "A (tungsten, 2856 K), D50 or D65 (daylight), FL11 (tubes), LED-B3"
 CHARTS = ("BabelColor Average", "ISO 17321-1", "ColorChecker N Ohta", "PMC")
 
 
-def sensitivities(name: str, grid: WavelengthGrid) -> np.ndarray:
+def sensitivities(name: str, grid: spectral_records.WavelengthGrid) -> np.ndarray:
     """Sensitivities (K, P) of a file of curves, or of a camera or observer by name.
 
     Parameters
@@ -47,7 +41,8 @@ def sensitivities(name: str, grid: WavelengthGrid) -> np.ndarray:
     return checked_curves(curves, name, grid)
 
 
-def checked_curves(curves: np.ndarray, name: str, grid: WavelengthGrid) -> np.ndarray:
+def checked_curves(curves: np.ndarray, name: str,
+                   grid: spectral_records.WavelengthGrid) -> np.ndarray:
     """Sensitivities (K, P) on a grid, each of which sees something.
 
     Parameters
@@ -97,11 +92,12 @@ def named_curves(name: str) -> tuple[str, np.ndarray, tuple[str, ...], np.ndarra
     known, nm, curves = _by_name(name, (published_tables.CAMERAS, published_tables.OBSERVERS),
                                  "camera or observer", "a file of curves, one column per band",
                                  tuple(kept))
-    bands = ("X", "Y", "Z") if known.startswith("CIE") else default_band_names(len(curves))
+    bands = ("X", "Y",
+             "Z") if known.startswith("CIE") else spectral_records.default_band_names(len(curves))
     return known, nm, bands, curves
 
 
-def light(name: str, grid: WavelengthGrid) -> np.ndarray:
+def light(name: str, grid: spectral_records.WavelengthGrid) -> np.ndarray:
     """Spectrum (P,) of a light from a file, or of a CIE illuminant by name.
 
     Parameters
@@ -118,7 +114,7 @@ def light(name: str, grid: WavelengthGrid) -> np.ndarray:
     """
     if names_a_file(name):
         values = spectrum_files.spectrum_on_grid(
-            spectrum_files.read_spectrum(Path(name), role=Quantity.RELATIVE), grid)
+            spectrum_files.read_spectrum(Path(name), role=spectral_records.Quantity.RELATIVE), grid)
     else:
         values = spectrum_files.on_grid(*light_samples(name), grid, name)
     return checked_light(values, f"the light {name}")
@@ -157,7 +153,7 @@ def light_samples(name: str) -> tuple[np.ndarray, np.ndarray]:
         If there is neither such a file nor such a name.
     """
     if names_a_file(name):
-        spectrum = spectrum_files.read_spectrum(Path(name), role=Quantity.RELATIVE)
+        spectrum = spectrum_files.read_spectrum(Path(name), role=spectral_records.Quantity.RELATIVE)
         return spectrum.grid.nm, spectrum.values
     if name not in published_tables.published_names(
             published_tables.LIGHTS) and light_words.vague_words(name) is not None:
@@ -169,7 +165,7 @@ def light_samples(name: str) -> tuple[np.ndarray, np.ndarray]:
     return nm, curves[0]
 
 
-def test_reflectances(grid: WavelengthGrid) -> dict[str, np.ndarray]:
+def test_reflectances(grid: spectral_records.WavelengthGrid) -> dict[str, np.ndarray]:
     """Sets of reflectances (n, P) by name: charts and published test colours.
 
     Those of CIE 13.3, CIE 224 and NIST CQS.
@@ -201,7 +197,7 @@ def test_reflectances(grid: WavelengthGrid) -> dict[str, np.ndarray]:
 
 
 def relative_response(sensitivity: str, light_name: str,
-                      grid: WavelengthGrid | None = None) -> np.ndarray:
+                      grid: spectral_records.WavelengthGrid | None = None) -> np.ndarray:
     """Response (K, P), rows summing to 1, of sensitivities under a light.
 
     Parameters
@@ -239,7 +235,8 @@ def _by_name(name: str, kinds: tuple[str, ...], what: str, instead: str,
 # ---- lights as an operator states them -----------------------------------------------------------
 # What an operator says of a light: a file, a CIE name, a kind of lamp, 3200K, or "unknown".
 
-def stated_light(word: str, grid: WavelengthGrid) -> Spectrum | UnknownLight:
+def stated_light(word: str, grid: spectral_records.WavelengthGrid
+                 ) -> spectral_records.Spectrum | spectral_records.UnknownLight:
     """The light that a word of the command line means.
 
     Parameters
@@ -258,11 +255,11 @@ def stated_light(word: str, grid: WavelengthGrid) -> Spectrum | UnknownLight:
     if vague is not None:
         return vague
     if names_a_file(word):
-        return spectrum_files.read_spectrum(Path(word), role=Quantity.RELATIVE)
+        return spectrum_files.read_spectrum(Path(word), role=spectral_records.Quantity.RELATIVE)
     return spectrum_of_name(word, grid)
 
 
-def spectrum_of_name(name: str, grid: WavelengthGrid) -> Spectrum:
+def spectrum_of_name(name: str, grid: spectral_records.WavelengthGrid) -> spectral_records.Spectrum:
     """The published spectrum of a CIE name.
 
     Parameters
@@ -278,14 +275,14 @@ def spectrum_of_name(name: str, grid: WavelengthGrid) -> Spectrum:
     try:
         values = light(name, grid)
         published = published_tables.published_names(published_tables.LIGHTS)
-        return Spectrum(grid, values, Quantity.RELATIVE,
-                        f"CIE {known_name(name, published) or name}")
+        return spectral_records.Spectrum(grid, values, spectral_records.Quantity.RELATIVE,
+                                         f"CIE {known_name(name, published) or name}")
     except InputError as error:
         raise InputError(f"{error}; a light may also be {light_words.UNKNOWN}, 3200K or one of "
                          f"{', '.join(light_words.LIGHT_KINDS)}") from None
 
 
-def vague_light(word: str) -> UnknownLight | None:
+def vague_light(word: str) -> spectral_records.UnknownLight | None:
     """What a word says of a light whose spectrum is not stated; None if the word states one.
 
     Parameters
@@ -298,4 +295,4 @@ def vague_light(word: str) -> UnknownLight | None:
         If it is a temperature that no lamp has.
     """
     stated = light_words.vague_words(word)
-    return None if stated is None else UnknownLight(*stated)
+    return None if stated is None else spectral_records.UnknownLight(*stated)

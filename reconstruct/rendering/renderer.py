@@ -32,8 +32,7 @@ import numpy as np
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.radiometry.spectra.spectral_layers import REFLECTANCE, spectral_layers
 from spectrabox.reconstruct.rendering.llvm import ensure_llvm, writable_home
-from spectrabox.reconstruct.scene import meshes, plugins, stated
-from spectrabox.reconstruct.scene.scene_file import SceneFile, relative_radiance
+from spectrabox.reconstruct.scene import meshes, plugins, scene_file, stated
 from spectrabox.reconstruct.scene.scene_xml import scene_xml
 
 STARTING = threading.Lock()
@@ -179,7 +178,7 @@ SAMPLES = 4096           # light directions per patch
 TINY = 1e-300
 
 
-def patch_irradiance(scene_file: SceneFile, centres_uv: np.ndarray, sizes_uv: np.ndarray,
+def patch_irradiance(scene_file: scene_file.SceneFile, centres_uv: np.ndarray, sizes_uv: np.ndarray,
                      seed: int = 0) -> np.ndarray:
     """Irradiance (I,) in the centre of each patch, for an emitter whose spectrum is 1.
 
@@ -211,7 +210,7 @@ def patch_irradiance(scene_file: SceneFile, centres_uv: np.ndarray, sizes_uv: np
     return irradiance
 
 
-def lamp_position_error(scene_file: SceneFile, centres_uv: np.ndarray,
+def lamp_position_error(scene_file: scene_file.SceneFile, centres_uv: np.ndarray,
                         sizes_uv: np.ndarray, position_error: float,
                         seed: int = 0) -> float:
     """Relative standard error of the light on the chart by that of the lamp's position.
@@ -234,7 +233,7 @@ def lamp_position_error(scene_file: SceneFile, centres_uv: np.ndarray,
     return float(np.linalg.norm(changes))
 
 
-def _sampled(scene_file: SceneFile, centres_uv: np.ndarray, sizes_uv: np.ndarray,
+def _sampled(scene_file: scene_file.SceneFile, centres_uv: np.ndarray, sizes_uv: np.ndarray,
              seed: int, shifts: np.ndarray | tuple[()]) -> list[np.ndarray]:
     """Irradiance (I,) on the patches as they lie, then shifted by each row of ``shifts``, along
     the chart's tangents and its normal, as shares of the lamp's distance.
@@ -290,7 +289,7 @@ def _profile(scene: Any, profiles: Mapping[str, np.ndarray], direction: Any) -> 
         shape = emitter.get_shape()
         if shape is not None and shape.id() in profiles:
             mine = number == np.array(dr.reinterpret_array(mi.UInt32, mi.EmitterPtr(emitter)))
-            factor[mine] = relative_radiance(profiles[shape.id()], cosine[mine])
+            factor[mine] = scene_file.relative_radiance(profiles[shape.id()], cosine[mine])
     return factor
 
 

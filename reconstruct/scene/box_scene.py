@@ -12,9 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.reconstruct.scene import box_tables
-from spectrabox.reconstruct.scene.edit_scene import camera_nodes
-from spectrabox.reconstruct.scene.scene_file import PROFILE
+from spectrabox.reconstruct.scene import box_tables, edit_scene, scene_file
 
 MAX_DEPTH = 8               # segments of a path in the box
 CHART_DEPTH = 2             # the chart is lit by the lamp alone
@@ -42,7 +40,8 @@ def box_xml(box: box_tables.BoxTable, size: tuple[int, int], pose: Mapping[str, 
         That was measured, where it is not the box's.
     """
     root = _scene(MAX_DEPTH, TAKE_OVER.format(key="scene.file"))
-    _add_sensor(root, _stated(camera or box.camera) if pose is None else camera_nodes(pose), size)
+    _add_sensor(root, _stated(camera or box.camera) if pose is None
+                else edit_scene.camera_nodes(pose), size)
     _add_lamp(root, box.lamp, box.lamp.position_mm)
     for name in box.materials:
         bsdf = ET.SubElement(root, "bsdf", type="diffuse", id=name)
@@ -154,7 +153,7 @@ def _add_lamp(root: ET.Element, lamp: box_tables.LampTable, at_mm: Sequence[floa
     emitter = ET.SubElement(shape, "emitter", type="area")
     ET.SubElement(emitter, "spectrum", name="radiance", value="1")
     if lamp.beam is not None:
-        emitter.append(_string(PROFILE, lamp.beam))
+        emitter.append(_string(scene_file.PROFILE, lamp.beam))
 
 
 def _upright(direction: np.ndarray) -> tuple[float, float, float]:

@@ -12,9 +12,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, ValidationError
 
-from spectrabox.radiometry.checked_tables import ListOf, Table
+from spectrabox.radiometry import checked_tables, files
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import read_text
 from spectrabox.reconstruct.scene.scene_file import SceneFile, parse_scene
 
 POSITIONED = {"area", "point", "spot", "projector", "directionalarea"}
@@ -100,7 +99,7 @@ def scene_with_light_moved(path: Path, number: int, offset: np.ndarray, folder: 
 
 def _parsed(path: Path, folder: Path) -> ET.Element:
     try:
-        root = parse_scene(read_text(path), path, comments=True)
+        root = parse_scene(files.read_text(path), path, comments=True)
     except OSError as error:
         raise InputError(
             f"{path} cannot be read ({error.strerror}); give the scene's right name") from None
@@ -279,10 +278,10 @@ def _position(node: ET.Element) -> np.ndarray:
 # ``geometry pose`` and ``geometry light`` write such comments; renderers pass over them.
 
 MARK = " spectrabox estimated: "
-Vector = Annotated[ListOf[float], Field(min_length=3, max_length=3)]
+Vector = Annotated[checked_tables.ListOf[float], Field(min_length=3, max_length=3)]
 
 
-class Refinement(Table):
+class Refinement(checked_tables.Table):
     """A camera placed, or a light moved, in the scene's unit."""
 
     what: Literal["camera", "light"]
@@ -322,7 +321,7 @@ def refinements(path: Path) -> tuple[Refinement, ...]:
     path : Path
         Of a scene that was read before.
     """
-    root = parse_scene(read_text(path), path, comments=True)
+    root = parse_scene(files.read_text(path), path, comments=True)
     return tuple(refinement for node in root if (refinement := _read(node)) is not None)
 
 

@@ -16,17 +16,14 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from spectrabox.radiometry import interreflection, shaped
 from spectrabox.radiometry.errors import CalibrationError, InputError
-from spectrabox.radiometry.interreflection import signal
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.records.spectra import Outcome, Progress
-from spectrabox.radiometry.shaped import Record
 from spectrabox.reconstruct.rendering.renderer import load_scene
-from spectrabox.reconstruct.scene import stated
-from spectrabox.reconstruct.scene.edit_scene import light_number, with_light_moved
+from spectrabox.reconstruct.scene import edit_scene, stated, surfaces
 from spectrabox.reconstruct.scene.scene_file import SceneFile, not_plain_products
 from spectrabox.reconstruct.scene.scene_xml import scene_xml
-from spectrabox.reconstruct.scene.surfaces import block_regions, region_means, surface_map
 from spectrabox.reconstruct.tracer.transport import trace_transport
 from spectrabox.reconstruct.tracer.unit_scene import UnitScene
 
@@ -64,7 +61,7 @@ DEFAULTS = PositionSettings()
 
 
 @dataclass(frozen=True, eq=False)
-class LightPosition(Record):
+class LightPosition(shaped.Record):
     """Estimated position of a light, relative to that in the scene, in the scene's unit."""
 
     light: str
@@ -107,28 +104,28 @@ def refine_light_position(scene_file: SceneFile, reflectances: Mapping[str, np.n
     CalibrationError
         If the photo does not tell where the light is, or a step puts it behind a surface.
     """
-    scene = _MovableLight(scene_file, light_number(scene_file, light_id),
+    scene = _MovableLight(scene_file, edit_scene.light_number(scene_file, light_id),
                           _require_reflectances(scene_file, reflectances),
                           (photo.signal.shape[1], photo.signal.shape[0]))
     unmoved = scene.unit(np.zeros(3))
-    surface = surface_map(unmoved.scene, tuple(scene_file.surfaces), unmoved.size)
+    surface = surfaces.surface_map(unmoved.scene, tuple(scene_file.surfaces), unmoved.size)
     floor = MIN_SIGNAL * np.median(photo.signal, axis=(0, 1))
     usable = ~photo.saturated.any(axis=2) & np.all(photo.signal > floor, axis=2)
-    region, group = block_regions(surface, usable)
+    region, group = surfaces.block_regions(surface, usable)
     if len(group) < MIN_REGIONS:
         raise InputError(f"photo {photo.source}: {len(group)} blocks of single surfaces can be "
                          f"compared, {MIN_REGIONS} are needed; render at a larger size, or "
                          "expose so that less is saturated")
     extent = _extent(unmoved.scene, scene_file)
-    measured = region_means(photo.signal.astype(float), region)
-    noise = region_means(photo.variance.astype(float), region)
+    measured = surfaces.region_means(photo.signal.astype(float), region)
+    noise = surfaces.region_means(photo.variance.astype(float), region)
     noise /= np.bincount(region[region >= 0])[:, None]
     spectra = np.array([reflectances[bsdf] for bsdf in scene.bsdfs])
 
     def rendered(offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Signal (R, K), and its relative Monte Carlo variance (R,)."""
         traced = trace_transport(scene.unit(offset), region, spp=settings.spp, seed=settings.seed)
-        received = signal(traced.coefficients, traced.exponents, spectra, response)
+        received = interreflection.signal(traced.coefficients, traced.exponents, spectra, response)
         return received, traced.relative_variance
 
     now, monte_carlo = rendered(np.zeros(3))
@@ -187,7 +184,8 @@ class _MovableLight:
     def unit(self, offset: np.ndarray) -> UnitScene:
         """The scene with its light moved by ``offset`` (3,), open, with unit spectra."""
         ones = np.ones(2)
-        scene = load_scene(scene_xml(with_light_moved(self.scene_file, self.number, offset),
+        scene = load_scene(scene_xml(edit_scene.with_light_moved(self.scene_file, self.number,
+                                                                 offset),
                                      reflectances=dict.fromkeys(self.bsdfs, ones),
                                      light=stated.strengths(self.scene_file),
                                      bands={"one": ones}, range_nm=(400.0, 700.0), size=self.size))

@@ -27,9 +27,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from spectrabox.radiometry import files, findings
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import read_text
-from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.system.words import is_number
 from spectrabox.reconstruct.scene import import_scene, plugins, stated
@@ -63,7 +62,7 @@ def read_profile(path: Path) -> np.ndarray:
     """
     try:
         # Latin-1 holds every byte: a name in any alphabet may stand in the first row
-        text = read_text(path, "latin-1")
+        text = files.read_text(path, "latin-1")
     except OSError as error:
         raise InputError(f"{path} cannot be read ({error.strerror}); give the lamp's "
                          "profile") from None
@@ -132,7 +131,7 @@ class SceneFile:
     files: tuple[Path, ...]     # meshes, textures and profiles that it names
     # light id -> table of light_profile.py
     profiles: Mapping[str, np.ndarray] = field(default_factory=dict)
-    left_out: tuple[Finding, ...] = ()      # what it states and nothing is made of
+    left_out: tuple[findings.Finding, ...] = ()  # what it states and nothing is made of
 
     @property
     def lamps(self) -> str:
@@ -160,7 +159,7 @@ def read_scene(path: Path, folder: Path | None = None) -> SceneFile:
         ``folder``, or a plugin that is not on the list of ``plugins.py``.
     """
     try:
-        text = read_text(path)
+        text = files.read_text(path)
     except FileNotFoundError:
         raise InputError(f"{path} is missing: give the scene file or correct its name in "
                          "session.toml") from None

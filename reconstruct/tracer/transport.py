@@ -14,13 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.radiometry import interreflection
-from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry import errors, interreflection
 from spectrabox.radiometry.system.archives import free_memory
 from spectrabox.reconstruct.rendering.renderer import all_cores
-from spectrabox.reconstruct.tracer import trace_checkpoint
-from spectrabox.reconstruct.tracer.path_tracer import MAX_POINTS, Tracer
-from spectrabox.reconstruct.tracer.unit_scene import UnitScene
+from spectrabox.reconstruct.tracer import path_tracer, trace_checkpoint, unit_scene
 
 MAX_BYTES = 2 << 30         # of memory for trace and fit; more is refused before it is allocated
 PILOT_PATHS = 1 << 19        # of all regions together, by which products are judged before pruning
@@ -68,8 +65,8 @@ class TracedTransport:
                                                                           1e-30) ** 2
 
 
-def trace_transport(unit: UnitScene, region: np.ndarray, *, spp: int, seed: int, passes: int = 4,
-                    exponents: np.ndarray | None = None,
+def trace_transport(unit: unit_scene.UnitScene, region: np.ndarray, *, spp: int, seed: int,
+                    passes: int = 4, exponents: np.ndarray | None = None,
                     progress: Callable[[float], None] | None = None,
                     checkpoint: Path | None = None) -> TracedTransport:
     """Transport coefficients of every region, for unit reflectances and lights of unit spectrum.
@@ -103,7 +100,7 @@ def trace_transport(unit: UnitScene, region: np.ndarray, *, spp: int, seed: int,
         exponents, dropped = kept_products(unit, region, seed)
     shape = int(region.max()) + 1, unit.groups, len(exponents)
     require_memory(shape[0], shape[1] * shape[2], passes, len(unit.materials), unit.bounces)
-    tracer = Tracer(unit, region, exponents)
+    tracer = path_tracer.Tracer(unit, region, exponents)
     count, paths = _schedule(spp, passes, tracer.pixels)
     facts = (sorted(unit.material_of_bsdf.items()), unit.size, unit.lights, list(unit.profiles),
              unit.bounces, count, paths, passes, seed)
@@ -146,7 +143,7 @@ def joined(first: TracedTransport, second: TracedTransport) -> TracedTransport:
     return TracedTransport(first.exponents, passes, spp, first.dropped)
 
 
-def images_of_signals(unit: UnitScene, exponents: np.ndarray, *, spp: int, seed: int,
+def images_of_signals(unit: unit_scene.UnitScene, exponents: np.ndarray, *, spp: int, seed: int,
                       passes: int) -> Callable[[np.ndarray], np.ndarray]:
     """The images (A, H, W, K) of the scene as a function of the signals of its products: those of
     ``shaded_images``, to round-off.
@@ -167,8 +164,8 @@ def images_of_signals(unit: UnitScene, exponents: np.ndarray, *, spp: int, seed:
     return images
 
 
-def shaded_images(unit: UnitScene, exponents: np.ndarray, signals: np.ndarray, *, spp: int,
-                  seed: int, passes: int = 1) -> np.ndarray:
+def shaded_images(unit: unit_scene.UnitScene, exponents: np.ndarray, signals: np.ndarray, *,
+                  spp: int, seed: int, passes: int = 1) -> np.ndarray:
     """Independent images (A, H, W, K) of the scene once the signals of its products are known.
 
     Paths are drawn as in ``trace_transport``; every band of every path is exact, so there is no
@@ -192,12 +189,12 @@ def shaded_images(unit: UnitScene, exponents: np.ndarray, signals: np.ndarray, *
     return images.reshape(passes, height, width, signals.shape[1])
 
 
-def _pixel_means(unit: UnitScene, exponents: np.ndarray, spp: int, seed: int, passes: int,
-                 signals: np.ndarray | None = None) -> np.ndarray:
+def _pixel_means(unit: unit_scene.UnitScene, exponents: np.ndarray, spp: int, seed: int,
+                 passes: int, signals: np.ndarray | None = None) -> np.ndarray:
     """Mean contribution (A, H W, L E) of each pixel's paths, or their mean signal (A, H W, K)."""
     width, height = unit.size
     region = np.arange(width * height).reshape(height, width)
-    tracer = Tracer(unit, region, exponents)
+    tracer = path_tracer.Tracer(unit, region, exponents)
     count, paths = _schedule(spp, passes, region.size)
     with all_cores():
         traces = np.array([tracer.trace(paths, seed * 1013 + number, signals)
@@ -228,7 +225,7 @@ def require_memory(regions: int, products: int, passes: int, materials: int, bou
     if needed > most:
         whose = "set aside; lower" if most == MAX_BYTES else \
             "of memory that are free; close other programs, or lower"
-        raise InputError(
+        raise errors.InputError(
             f"the light transport of {regions} regions and {products} products of {materials} "
             f"reflectances ({interreflection.product_count(materials, bounces)} before pruning) "
             f"needs {needed / 2**30:.1f} GiB, more than the "
@@ -251,7 +248,7 @@ def memory_of_image(pixels: int, products: int) -> int:
     return 28 * coefficients if coefficients <= MAX_IMAGE_COEFFICIENTS else 0
 
 
-def kept_products(unit: UnitScene, region: np.ndarray,
+def kept_products(unit: unit_scene.UnitScene, region: np.ndarray,
                   seed: int) -> tuple[np.ndarray, float]:
     """Products (E, M) up to the scene's bounces, pruned where they are many, and the share of the
     signal lost at most.
@@ -269,7 +266,7 @@ def kept_products(unit: UnitScene, region: np.ndarray,
     materials, bounces = len(unit.materials), unit.bounces
     if interreflection.product_count(materials, bounces) <= PRUNE_ABOVE:
         return interreflection.exponents_up_to(materials, bounces), 0.0
-    tracer = Tracer(unit, np.where(region >= 0, 0, -1), None)
+    tracer = path_tracer.Tracer(unit, np.where(region >= 0, 0, -1), None)
     paths = min(PILOT_PATHS, 1 << max(int(np.log2(PILOT_ENTRIES / (bounces + 1))), 10))
     with all_cores():
         picking, judging = (interreflection.encountered(*tracer.encounters(paths, seed + draw),
@@ -290,4 +287,4 @@ def _schedule(spp: int, passes: int, pixels: int) -> tuple[int, int]:
     lattice.
     """
     paths = 1 << max(int(np.ceil(np.log2(max(spp * pixels / passes, 1)))), 10)
-    return passes * max(paths // MAX_POINTS, 1), min(paths, MAX_POINTS)
+    return passes * max(paths // path_tracer.MAX_POINTS, 1), min(paths, path_tracer.MAX_POINTS)

@@ -20,8 +20,7 @@ from spectrabox.radiometry.records.spectra import Quantity, SpectralMeasurement,
 from spectrabox.radiometry.spectra import named_spectra, spectrum_files
 from spectrabox.radiometry.spectra.formats.measurement_table import distinct
 from spectrabox.radiometry.system.words import nearest_words
-from spectrabox.sampling.prior import mixture, mixture_posterior
-from spectrabox.sampling.prior.libraries import READERS, usable
+from spectrabox.sampling.prior import libraries, mixture, mixture_posterior
 from spectrabox.sampling.spectral_measurement import response_on
 
 VARIATION = 0.01        # of white: standard deviation between samples of one material
@@ -214,10 +213,10 @@ def _of_file(path: Path, grid: WavelengthGrid, refused: list[str]) -> Iterator[R
 def _of_archive(path: Path, grid: WavelengthGrid, refused: list[str]) -> Iterator[Row]:
     """Spectra of a file that states no names, by their numbers from 1."""
     number = 0
-    for nm, curves in READERS[path.suffix.lower()](path):
+    for nm, curves in libraries.READERS[path.suffix.lower()](path):
         for curve in curves:
             number += 1
-            kept, why = usable(nm, curve[None])
+            kept, why = libraries.usable(nm, curve[None])
             if len(kept):
                 yield (f"{path.stem} {number}", np.interp(grid.nm, mixture.PRIOR_GRID.nm, kept[0]),
                        np.zeros(grid.nm.size))

@@ -8,13 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from spectrabox.radiometry import grid as grids
 from spectrabox.radiometry.appearance import ciede2000, lab_from_xyz
-from spectrabox.radiometry.grid import (
-    basis_matrix,
-    grid_from_nm,
-    interpolation_matrix,
-    visible_grid,
-)
 from spectrabox.radiometry.records.spectra import SpectralMeasurement, WavelengthGrid
 from spectrabox.radiometry.spectra import named_spectra
 from spectrabox.sampling import spectral_measurement, summary
@@ -183,12 +178,12 @@ def delta_e00_under(lights: Sequence[str], grid: WavelengthGrid, estimate: np.nd
     truth : (n, P) array
         True reflectances.
     """
-    fine = visible_grid(1)
+    fine = grids.visible_grid(1)
     differences = {}
     for name in lights:
         relative_response = named_spectra.relative_response(
             "CIE 1931 2 Degree Standard Observer", name, fine) \
-            @ interpolation_matrix(grid.nm, fine.nm)
+            @ grids.interpolation_matrix(grid.nm, fine.nm)
         differences[name] = ciede2000(
             *(lab_from_xyz(np.maximum(spectra @ relative_response.T, 0), np.ones(3))
               for spectra in (estimate, truth)))
@@ -260,7 +255,7 @@ def judged(nm: np.ndarray, truth: np.ndarray, estimate: np.ndarray, lights: tupl
     draws : (T, P), optional
         What the estimate is the mean of. Fewer than 1000 give no band.
     """
-    differences = delta_e00_under(lights, grid_from_nm(nm), estimate[None], truth[None])
+    differences = delta_e00_under(lights, grids.grid_from_nm(nm), estimate[None], truth[None])
     scores = SpectrumScores(
         float(rmse(estimate, truth)), float(spectral_angle(estimate, truth)),
         float(rmse(best_scale(estimate, truth) * estimate, truth)),
@@ -281,7 +276,7 @@ def baselines(measurement: SpectralMeasurement, draws: int, seed: int,
     """
     c, _ = greedy_draws(spectral_measurement.spline_operator(measurement, coefficients), draws,
                         seed)
-    spectra = c @ basis_matrix(PRIOR_GRID.nm, coefficients).T
+    spectra = c @ grids.basis_matrix(PRIOR_GRID.nm, coefficients).T
     greedy = (spectra.mean(axis=0), spectra) if len(spectra) else None
     singles = {name: (spectrum, None) for name, spectrum in baseline_spectra(measurement).items()}
     return {**singles, GREEDY: greedy}

@@ -27,8 +27,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from spectrabox.radiometry.grid import grid_from_nm, interpolation_matrix
-from spectrabox.sampling.prior import mixture_posterior
-from spectrabox.sampling.prior.level import with_stretch
+from spectrabox.sampling.prior import level, mixture_posterior
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, reflectance
 from spectrabox.sampling.summary import READING_ERROR
 
@@ -175,7 +174,7 @@ def _pairs(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarr
         base[rows] = jacobian[rows] @ prior.covariances[index]
     with_level = prior.level_weight.with_level[component]
     stretch = mixture.stretch[signal, component]
-    base = with_stretch(base, jacobian, with_level, stretch)
+    base = level.with_stretch(base, jacobian, with_level, stretch)
     means = prior.means[component] + mixture.shift[signal, component, None] * with_level
     of_signal = base @ jacobian.transpose(0, 2, 1)
     residual = seen - p @ relative_response.T + (slope * (mode - means)) @ relative_response.T
@@ -207,7 +206,7 @@ def _moved(prior: LogitMixture, relative_response: np.ndarray, pairs: _Pairs,
     for index in range(len(prior.weights)):
         rows = pairs.component == index
         seen[rows] = scaled[rows] @ prior.covariances[index]
-    seen = with_stretch(seen, scaled, pairs.with_level, pairs.stretch)
+    seen = level.with_stretch(seen, scaled, pairs.with_level, pairs.stretch)
     seen -= (scaled @ turned) @ pairs.seen
     seen *= pairs.factor[:, None, :]
     # (1 - K J) F S F (1 - K J)' + K N K', multiplied out

@@ -21,16 +21,9 @@ from spectrabox.radiometry import files, grid, shaped
 from spectrabox.radiometry.covariance import is_covariance
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.system.archives import DamagedArchiveError, opened_npz
+from spectrabox.sampling.prior import level
 from spectrabox.sampling.prior.families.family_names import WORDS, unknown_families
 from spectrabox.sampling.prior.family_coverage import BandCertificate, FamilyCertificate
-from spectrabox.sampling.prior.level import (
-    GRID,
-    LevelWeight,
-    level_weight,
-    levels_of,
-    moved_to_level,
-    no_weight,
-)
 
 PRIOR_GRID = grid.visible_grid(5)
 SHIPPED = Path(__file__).parent / "models" / "surface_families.npz"
@@ -90,10 +83,10 @@ class LogitMixture(shaped.Record):
         return f"<LogitMixture of {', '.join(self.families)}>"
 
     @cached_property
-    def level_weight(self) -> LevelWeight:
+    def level_weight(self) -> level.LevelWeight:
         """By which the mixture is multiplied at every level."""
-        weight = level_weight(self.weights, self.means, self.covariances)
-        return weight if self.uniform_level else no_weight(weight)
+        weight = level.level_weight(self.weights, self.means, self.covariances)
+        return weight if self.uniform_level else level.no_weight(weight)
 
     def band_factor(self, level: float, weights: np.ndarray) -> np.ndarray:
         """Factors (T, P) by which central bands of ``level`` are widened, for weights (T, C)."""
@@ -213,15 +206,16 @@ def drawn_reflectances(prior: LogitMixture, draws: int) -> np.ndarray:
         T.
     """
     rng = np.random.default_rng(0)
-    levels = levels_of(prior.level_weight, prior.weights) if prior.uniform_level else None
+    levels = level.levels_of(prior.level_weight, prior.weights) if prior.uniform_level else None
     shares = prior.weights / prior.weights.sum() if levels is None else levels.sum(axis=1)
     counts = rng.multinomial(draws, shares)
     logits = [rng.multivariate_normal(mean, covariance.astype(float), count)
               for mean, covariance, count in zip(prior.means, prior.covariances, counts,
                                                  strict=True)]
     if levels is not None:
-        logits = [moved_to_level(prior.level_weight, index, one,
-                                 rng.choice(GRID, len(one), p=levels[index] / shares[index]))
+        logits = [level.moved_to_level(prior.level_weight, index, one,
+                                       rng.choice(level.GRID, len(one),
+                                                  p=levels[index] / shares[index]))
                   for index, one in enumerate(logits)]
     return reflectance(np.vstack(logits))
 

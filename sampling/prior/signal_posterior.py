@@ -14,15 +14,9 @@ from functools import cached_property
 
 import numpy as np
 
-from spectrabox.radiometry import errors, grid
-from spectrabox.radiometry.covariance import symmetric
+from spectrabox.radiometry import covariance, errors, grid
 from spectrabox.radiometry.findings import Finding, Severity
-from spectrabox.radiometry.records.spectra import (
-    Outcome,
-    SpectralMeasurement,
-    SpectrumSamples,
-    StateEstimate,
-)
+from spectrabox.radiometry.records import spectra as spectral_records
 from spectrabox.sampling import spectral_measurement, summary
 from spectrabox.sampling.polytope.tilt import is_reachable
 from spectrabox.sampling.prior import (
@@ -38,8 +32,10 @@ MENTIONED = 0.005               # share of a family that the outcome names
 # round-off or beyond, is taken for so much less bright, or less dark: below any camera's step.
 EDGE, EXACT, INSIDE = 1e-3, 1e-6, 1e-4
 SPARE = 5       # spline coefficients beyond the bands of a signal that has many
-OF_LEARNT = (Outcome.FAMILIAR, Outcome.UNFAMILIAR)          # the others are the smoothness prior's
-APPROXIMATE = (Outcome.TOO_ROUGH, Outcome.OUT_OF_REACH)     # draws come near to the signal only
+# the others are the smoothness prior's
+OF_LEARNT = (spectral_records.Outcome.FAMILIAR, spectral_records.Outcome.UNFAMILIAR)
+# draws come near to the signal only
+APPROXIMATE = (spectral_records.Outcome.TOO_ROUGH, spectral_records.Outcome.OUT_OF_REACH)
 UNREACHED = "distance to what can be reached"   # cause of error of a signal that nothing gives
 
 
@@ -75,14 +71,14 @@ class SignalPosterior:
         Of these the nearest signal that smooth spectra, or any between 0 and 1, give.
     """
 
-    measurement: SpectralMeasurement
+    measurement: spectral_records.SpectralMeasurement
     relative_response: np.ndarray
     learnt_prior: LogitMixture
     learnt: tuple[state_posteriors.StatePosterior, ...]
     log_evidence: float
     prior: LogitMixture
     parts: tuple[state_posteriors.StatePosterior, ...]
-    outcome: Outcome
+    outcome: spectral_records.Outcome
     unreached: np.ndarray | None = None
     nearest: np.ndarray | None = None
 
@@ -108,7 +104,7 @@ class SignalPosterior:
         return dict(zip(self.learnt_prior.families, np.asarray(shares).tolist(), strict=True))
 
     @property
-    def states(self) -> StateEstimate | None:
+    def states(self) -> spectral_records.StateEstimate | None:
         """What the signal says of the states of its capture, such as the surface's gloss; None
         where the capture has but one.
         """
@@ -160,7 +156,7 @@ class SignalPosterior:
         for part, (mixture, within) in zip(self.parts, self._moments, strict=True):
             off = mixture_posterior.mean_and_spread(mixture)[0][0] - self.mean
             total += part.share * (within[0] + np.outer(off, off[calibrated_marginals.COARSE]))
-        return symmetric(total @ calibrated_marginals.BETWEEN.T)
+        return covariance.symmetric(total @ calibrated_marginals.BETWEEN.T)
 
     def band(self, level: float) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper reflectance (61,) of the calibrated central band of a level, 0 to 1."""
@@ -253,7 +249,7 @@ class SignalPosterior:
                                  _inside(part.signal, part.total_noise), part.noise, count, seed,
                                  approximate=self.outcome in APPROXIMATE, relative=part.relative)
 
-    def samples(self, count: int, seed: int, coefficients: int) -> SpectrumSamples:
+    def samples(self, count: int, seed: int, coefficients: int) -> spectral_records.SpectrumSamples:
         """The draws as a record, with the splines of N = ``coefficients`` nearest to each; of more
         where the signal has more bands than that, for which no such spline might be found.
 
@@ -265,8 +261,9 @@ class SignalPosterior:
         spectra, variables = self.draws_with_variables(count, seed)
         splines = spectral_measurement.nearest_splines(spectra, grid.basis_matrix(
             PRIOR_GRID.nm, enough_coefficients(coefficients, self.measurement.signal.size)))
-        return SpectrumSamples(PRIOR_GRID, spectra, splines, self.method, float(count), seed,
-                               self.outcome, self.findings, variables)
+        return spectral_records.SpectrumSamples(PRIOR_GRID, spectra, splines, self.method,
+                                                float(count), seed, self.outcome, self.findings,
+                                                variables)
 
 
 def _inside(signal: np.ndarray, noise: np.ndarray) -> np.ndarray:
@@ -296,7 +293,8 @@ def enough_coefficients(coefficients: int, bands: int) -> int:
     return coefficients if coefficients >= bands else bands + SPARE
 
 
-def solve_posterior(prior: LogitMixture, measurement: SpectralMeasurement) -> SignalPosterior:
+def solve_posterior(prior: LogitMixture,
+                    measurement: spectral_records.SpectralMeasurement) -> SignalPosterior:
     """Solve the posterior of one signal, under the smoothness prior where the learnt one does not
     reach it.
 
@@ -319,14 +317,15 @@ def solve_posterior(prior: LogitMixture, measurement: SpectralMeasurement) -> Si
     learnt, evidence, novelty = state_posteriors.solve_in_states(prior, response, measurement)
     reached = novelty <= 1 or _reached(learnt)
     posterior = SignalPosterior(measurement, response, prior, learnt, evidence, prior, learnt,
-                                Outcome.FAMILIAR if novelty <= 1 else Outcome.UNFAMILIAR)
+                                spectral_records.Outcome.FAMILIAR if novelty <= 1
+                                else spectral_records.Outcome.UNFAMILIAR)
     if reached and posterior.says(posterior.mean):
         return posterior
     smooth = smoothness_prior()
     wider, _, _ = state_posteriors.solve_in_states(smooth, response, measurement)
     widened = replace(posterior, prior=smooth, parts=wider)
-    outcome = Outcome.UNSAID if reached or not widened.says(widened.mean) \
-        else Outcome.BEYOND_LEARNT
+    outcome = spectral_records.Outcome.UNSAID if reached or not widened.says(widened.mean) \
+        else spectral_records.Outcome.BEYOND_LEARNT
     if not _reached(wider):
         return _given_distance(widened)
     return replace(widened, outcome=outcome)
@@ -354,7 +353,8 @@ def _given_distance(found: SignalPosterior) -> SignalPosterior:
     parts, _, _ = state_posteriors.solve_in_states(found.prior, found.relative_response, measured)
     return replace(found, measurement=measured, parts=parts, unreached=unreached,
                    nearest=found.measurement.signal + (nearest - signal) @ repeated.T,
-                   outcome=Outcome.TOO_ROUGH if reachable else Outcome.OUT_OF_REACH)
+                   outcome=spectral_records.Outcome.TOO_ROUGH if reachable
+                   else spectral_records.Outcome.OUT_OF_REACH)
 
 
 def _reached(parts: tuple[state_posteriors.StatePosterior, ...]) -> bool:
@@ -363,7 +363,7 @@ def _reached(parts: tuple[state_posteriors.StatePosterior, ...]) -> bool:
                for part in parts)
 
 
-def prior_named(outcome: Outcome) -> str:
+def prior_named(outcome: spectral_records.Outcome) -> str:
     """Name of the prior that draws with this outcome come from.
 
     Parameters
@@ -374,8 +374,9 @@ def prior_named(outcome: Outcome) -> str:
     return "learnt prior" if outcome in OF_LEARNT else "smoothness prior"
 
 
-def sample_prior(measurement: SpectralMeasurement, draws: int, seed: int, coefficients: int = 13,
-                 prior: LogitMixture | None = None) -> SpectrumSamples:
+def sample_prior(measurement: spectral_records.SpectralMeasurement, draws: int, seed: int,
+                 coefficients: int = 13,
+                 prior: LogitMixture | None = None) -> spectral_records.SpectrumSamples:
     """Spectra drawn from the posterior of one signal; see `sampling.draw_methods.draw_spectra`.
 
     ``coefficients`` is the N of the splines that are fitted to the draws.
@@ -400,7 +401,7 @@ def sample_prior(measurement: SpectralMeasurement, draws: int, seed: int, coeffi
     return solve_posterior(prior or load_prior(), measurement).samples(draws, seed, coefficients)
 
 
-def outcome_findings(outcome: Outcome, stated: tuple[str, ...],
+def outcome_findings(outcome: spectral_records.Outcome, stated: tuple[str, ...],
                      shares: Mapping[str, float]) -> tuple[Finding, ...]:
     """The outcome, and the families stated or allowed that it is conditional on.
 

@@ -19,11 +19,9 @@ from scipy.special import logsumexp, ndtr, softmax
 from spectrabox.radiometry.covariance import symmetric_root, with_rank
 from spectrabox.radiometry.error_model import Errors, proportional_covariance
 from spectrabox.radiometry.records import spectra
-from spectrabox.sampling import spectral_measurement
-from spectrabox.sampling.prior import mixture_posterior
-from spectrabox.sampling.prior.calibrated_marginals import marginal_moments
+from spectrabox.sampling import spectral_measurement, summary
+from spectrabox.sampling.prior import calibrated_marginals, mixture_posterior
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, reflectance
-from spectrabox.sampling.summary import about_answer, grown_by_causes
 
 # Nats of evidence on the state that are not counted where they come of how usual the spectra are
 # that explain the signal. Of three bands, whatever the gloss, it is within .5 for or against 3 % of
@@ -83,9 +81,9 @@ class ManyInStates:
     def marginals(self, prior: LogitMixture,
                   relative_response: np.ndarray) -> mixture_posterior.MixturePosterior:
         """The mixtures that draws of the signals follow, over all states."""
-        return merged([marginal_moments(prior, relative_response, *each)[0] for each
-                       in zip(self.signals, self.noises, self.mixtures, self.relatives,
-                              strict=True)], self.shares)
+        return merged([calibrated_marginals.marginal_moments(prior, relative_response, *each)[0]
+                       for each in zip(self.signals, self.noises, self.mixtures, self.relatives,
+                                       strict=True)], self.shares)
 
 
 def posteriors_in_states(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
@@ -280,7 +278,7 @@ def grown_over_states(prior: LogitMixture, parts: Sequence[StatePosterior],
             given = spectral_measurement.response_on(measurement, PRIOR_GRID) @ answer
             if states is not None:
                 given, log_errors = given + states.added[part.state], repeated @ log_errors
-            own = {name: covariance[0] for name, covariance in about_answer(
+            own = {name: covariance[0] for name, covariance in summary.about_answer(
                 {name: covariance[None] for name, covariance in causes.items()},
                 measurement.signal[None], np.maximum(given, 0)[None], log_errors[None]).items()}
         if states is not None:
@@ -290,8 +288,8 @@ def grown_over_states(prior: LogitMixture, parts: Sequence[StatePosterior],
                     + pattern @ states.covariances[part.state] @ pattern.T
         own = {name: (part.gain @ covariance @ part.gain.T)[None]
                for name, covariance in own.items()}
-        for name, variance in grown_by_causes(prior, part.relative_response, part.mixture,
-                                              own).items():
+        for name, variance in summary.grown_by_causes(prior, part.relative_response, part.mixture,
+                                                      own).items():
             grown[name] = grown.get(name, 0.0) + part.share * variance
     if states is None or len(parts) == 1:
         return grown

@@ -13,15 +13,9 @@ import numpy as np
 
 from spectrabox.radiometry.error_model import split_errors
 from spectrabox.radiometry.records.spectra import Outcome
+from spectrabox.sampling import spectral_measurement, summary
 from spectrabox.sampling.prior import calibrated_marginals, mixture_posterior
 from spectrabox.sampling.prior.mixture import LogitMixture, reflectance, smoothness_prior
-from spectrabox.sampling.spectral_measurement import check_bands
-from spectrabox.sampling.summary import (
-    about_answer,
-    error_budgets,
-    grown_by_causes,
-    shares_by_cause,
-)
 
 BATCH = 250         # signals: those of one batch are carried with as many components as any needs
 
@@ -64,7 +58,7 @@ def summaries(prior: LogitMixture, relative_response: np.ndarray, signals: np.nd
     InputError
         If two bands respond alike.
     """
-    check_bands(relative_response)
+    spectral_measurement.check_bands(relative_response)
     batches = [slice(start, start + BATCH) for start in range(0, max(len(signals), 1), BATCH)]
     parts = [_batch(prior, relative_response, signals[rows],
                     {name: covariance[rows] for name, covariance in causes.items()}, level)
@@ -118,9 +112,10 @@ def _of_mixture(prior: LogitMixture, relative_response: np.ndarray, signals: np.
     if relative is not None and mixture.log_errors is not None:
         likely, rows = np.argmax(mixture.weights, axis=1), np.arange(len(signals))
         seen = reflectance(mixture.logits[likely, rows]) @ relative_response.T
-        causes = about_answer(causes, signals, seen, mixture.log_errors[likely, rows])
-    grown = grown_by_causes(prior, relative_response, mixture, causes)
-    shares = shares_by_cause(error_budgets(prior, relative_response, seen, mixture, grown))
+        causes = summary.about_answer(causes, signals, seen, mixture.log_errors[likely, rows])
+    grown = summary.grown_by_causes(prior, relative_response, mixture, causes)
+    shares = summary.shares_by_cause(summary.error_budgets(prior, relative_response, seen, mixture,
+                                                           grown))
     return PriorSummaries(mean, spread, lower, upper,
                           calibrated_marginals.next_readings_nm(covariance, spread),
                           prior.shares(mixture.weights), np.column_stack(list(shares.values())),

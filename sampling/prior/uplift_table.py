@@ -20,8 +20,7 @@ from scipy.sparse import csr_array
 
 from spectrabox.radiometry.error_model import Errors
 from spectrabox.radiometry.errors import InputError
-from spectrabox.sampling.prior import calibrated_marginals, mixture_posterior
-from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
+from spectrabox.sampling.prior import calibrated_marginals, mixture, mixture_posterior
 
 SIDE = 21                   # odd, so that grey is on the lattice
 MIN_ROOT = 0.12  # cube root of the darkest middle band; darker signals are taken for as dark
@@ -56,7 +55,7 @@ class UpliftTable:
     relative_response: np.ndarray
 
 
-def build_tables(prior: LogitMixture, relative_response: np.ndarray,
+def build_tables(prior: mixture.LogitMixture, relative_response: np.ndarray,
                  errors: Callable[[np.ndarray], list[Errors]], wanted: np.ndarray,
                  progress: Progress = lambda share: None,
                  map_parts: MapParts = map) -> list[UpliftTable]:
@@ -128,7 +127,7 @@ def relative_errors(signals: np.ndarray, noise: float) -> Errors:
     return Errors(alike + noise**2 * np.eye(signals.shape[1]), alike)
 
 
-def uplift_signals(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
+def uplift_signals(prior: mixture.LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
                    errors: Errors, *, tolerance: float = mixture_posterior.TOLERANCE) -> Uplifted:
     """Mean and standard deviation behind signals with errors of their own, each by itself.
 
@@ -150,11 +149,11 @@ def uplift_signals(prior: LogitMixture, relative_response: np.ndarray, signals: 
                      tolerance)[0]
 
 
-def _uplifted(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
+def _uplifted(prior: mixture.LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
               errors: Sequence[Errors], progress: Progress,
               tolerance: float, map_parts: MapParts = map) -> list[Uplifted]:
     """What signals say under each of several errors."""
-    shape = len(signals), PRIOR_GRID.nm.size
+    shape = len(signals), mixture.PRIOR_GRID.nm.size
     every = [Uplifted(np.empty(shape), np.empty(shape), np.empty(len(signals))) for _ in errors]
 
     def compute(start: int) -> int:

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from spectrabox.capture.photo import linear, metadata
-from spectrabox.measure import extras, texts
-from spectrabox.measure.captured import View
+from spectrabox.measure import captured, extras, texts
 from spectrabox.measure.steps.declared_steps import INVERSION
 from spectrabox.radiometry import errors
 from spectrabox.session import kept_stages, pipeline, problems
@@ -133,7 +132,7 @@ def _run(task: Task) -> overview.Outcome:
                        (*failed, *(() if fault is None else (fault,))))))
 
 
-def shown_picture(config: SessionConfig, view: View) -> Path:
+def shown_picture(config: SessionConfig, view: captured.View) -> Path:
     """PNG of a view's photo for lists of sessions: calibrated, or else as the camera saw it."""
     calibrated = calibrated_picture(config.results_folder, view)
     return calibrated if calibrated.is_file() else raw_picture(config.results_folder, view)

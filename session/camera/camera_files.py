@@ -13,23 +13,14 @@ from spectrabox.calibrate.prior.learnt_prior import SUFFIXES, cameras_of_file
 from spectrabox.capture.chart.quality import ChartVerdict
 from spectrabox.capture.develop.developed import develop_photos
 from spectrabox.capture.photo.preview import photo_orientation
-from spectrabox.measure import captured, chart_patches
-from spectrabox.measure.camera import (
-    ERROR_PREFIX,
-    CameraFit,
-    ChartSignals,
-    chart_in_photo,
-    judged_chart,
-)
-from spectrabox.measure.shoot import captures, shoot
-from spectrabox.measure.shoot.inputs import Inputs
+from spectrabox.measure import camera, captured, chart_patches
+from spectrabox.measure.shoot import captures, inputs, shoot
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.charts.layouts import chart_layout
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import read_text, whole_file, write_text_whole
 from spectrabox.radiometry.findings import Finding, Severity
-from spectrabox.radiometry.records import spectra
-from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PatchSamples
+from spectrabox.radiometry.records import photos, spectra
 from spectrabox.radiometry.spectra import cameras, spectrum_files
 from spectrabox.radiometry.system.words import is_whole_number
 from spectrabox.session.terminal.command_line import CORNERS, pixel_numbers
@@ -42,7 +33,7 @@ ASSUMED_ERROR = 0.004
 DARK = 0.03             # of the brightest patch: the error of darker ones is that of this
 
 
-def read_patches(path: Path, chart: Chart = CLASSIC) -> ChartSignals:
+def read_patches(path: Path, chart: Chart = CLASSIC) -> camera.ChartSignals:
     """Signals of a chart's patches, in chart order, and the names of the bands.
 
     The first row may name the columns; a column ``standard_error NAME`` holds the standard errors
@@ -86,8 +77,8 @@ def read_patches(path: Path, chart: Chart = CLASSIC) -> ChartSignals:
                                                                chart_patches.CLIPPED_PREFIX))
     ]
     bands = [index for index, name in enumerate(names)
-             if index not in further and not name.startswith(ERROR_PREFIX)]
-    errors = [index for index, name in enumerate(names) if name.startswith(ERROR_PREFIX)]
+             if index not in further and not name.startswith(camera.ERROR_PREFIX)]
+    errors = [index for index, name in enumerate(names) if name.startswith(camera.ERROR_PREFIX)]
     if errors and len(errors) != len(bands):
         raise InputError(f"{path.name} holds {len(bands)} bands and {len(errors)} standard errors; "
                          "give one for each band, or none")
@@ -104,7 +95,7 @@ def read_patches(path: Path, chart: Chart = CLASSIC) -> ChartSignals:
 
 
 def signals_of_patches(source: str, signal: np.ndarray, error: np.ndarray | None,
-                       bands: tuple[str, ...], clipped: np.ndarray) -> ChartSignals:
+                       bands: tuple[str, ...], clipped: np.ndarray) -> camera.ChartSignals:
     """Signals (I, K) of a chart's patches that somebody read elsewhere.
 
     Parameters
@@ -125,19 +116,22 @@ def signals_of_patches(source: str, signal: np.ndarray, error: np.ndarray | None
         assumed = (Finding("patches.errors-assumed", Severity.NOTE, source,
                            {"error": ASSUMED_ERROR}),)
     covariance = np.einsum("ik,kl->ikl", error**2, np.eye(signal.shape[1]))
-    return ChartSignals(source, PatchSamples(signal, covariance, np.ones(len(signal)), clipped,
-                                             np.zeros(signal.shape)), bands, assumed)
+    return camera.ChartSignals(source, photos.PatchSamples(signal, covariance, np.ones(len(signal)),
+                                                           clipped, np.zeros(signal.shape)), bands,
+                               assumed)
 
 
 def _errors(values: np.ndarray, names: list[str], band_names: list[str], columns: list[int],
             file: str) -> np.ndarray:
     """Standard errors (I, K) in the order of the bands."""
-    of_band = {names[column].removeprefix(ERROR_PREFIX).strip(" _"): column for column in columns}
+    of_band = {names[column].removeprefix(camera.ERROR_PREFIX).strip(" _"): column
+               for column in columns}
     if set(of_band) == set(band_names):
         columns = [of_band[name] for name in band_names]
     elif set(of_band) & set(band_names):
         stray = next(name for name in of_band if name not in band_names)
-        raise InputError(f"{file} has the column {ERROR_PREFIX} {stray!r} and no band of that "
+        raise InputError(
+            f"{file} has the column {camera.ERROR_PREFIX} {stray!r} and no band of that "
                          f"name; the bands are {', '.join(band_names)}")
     if values[:, columns].min() < 0:
         raise InputError(f"{file} holds a negative standard error; they are 0 or greater, in the "
@@ -209,12 +203,12 @@ def stated_of_charts(photos: Sequence[Path], lights: Sequence[str], references: 
             "sensitivity": {"prior": None if prior is None else str(prior)}
             | ({} if method is None else {"method": method})
             | ({} if curves is None else {"from": {"file": str(curves)}})}),
-            Inputs(Path(), allow_outside=True)))
+            inputs.Inputs(Path(), allow_outside=True)))
     return stated
 
 
 def charts_shown(photos: Sequence[Path], tables: Sequence[Path],
-                 stated: Sequence[captured.Capture]) -> list[ChartSignals]:
+                 stated: Sequence[captured.Capture]) -> list[camera.ChartSignals]:
     """The patches of the chart in each photo, or of each table of signals.
 
     Parameters
@@ -228,8 +222,8 @@ def charts_shown(photos: Sequence[Path], tables: Sequence[Path],
     InputError, CheckError
         If a file cannot be read, or does not show the chart.
     """
-    shown = [chart_in_photo(develop_photos([path], [], None,
-                                           orientation=photo_orientation(path))[0], capture)
+    shown = [camera.chart_in_photo(develop_photos([path], [], None,
+                                                  orientation=photo_orientation(path))[0], capture)
              for path, capture in zip(photos, stated, strict=False)]
     return shown + [read_patches(table, stated[0].layout) for table in tables]
 
@@ -255,8 +249,8 @@ def read_layout(layout: str) -> Chart:
     return chart_layout(layout) if layout else CLASSIC
 
 
-def chart_named(image: LinearImage, layout: str, reference: str | None, corners: str | None,
-                excluded: np.ndarray | None = None) -> tuple[ChartDetection, ChartVerdict]:
+def chart_named(image: photos.LinearImage, layout: str, reference: str | None, corners: str | None,
+                excluded: np.ndarray | None = None) -> tuple[photos.ChartDetection, ChartVerdict]:
     """The chart in a photo and the verdict on it, as the options of a command name chart and
     corners.
 
@@ -278,8 +272,8 @@ def chart_named(image: LinearImage, layout: str, reference: str | None, corners:
         If a chart, a reference or corners cannot be read.
     """
     chart = read_layout(layout)
-    return judged_chart(image, chart, reference,
-                        None if corners is None else corner_points(corners, chart), excluded)
+    return camera.judged_chart(image, chart, reference,
+                               None if corners is None else corner_points(corners, chart), excluded)
 
 
 def corner_points(text: str, chart: Chart) -> np.ndarray:
@@ -309,13 +303,13 @@ def require_outputs(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:
                              "another name")
 
 
-def write_curves(path: Path, camera: CameraFit) -> None:
+def write_curves(path: Path, camera: camera.CameraFit) -> None:
     """Curves and their standard errors, a column each."""
     write_text_whole(path, spectrum_files.table_text(camera.sensitivity.grid.nm, camera.columns(),
                                       quantity=spectra.Quantity.RELATIVE, source=camera.source))
 
 
-def write_draws(path: Path, camera: CameraFit) -> None:
+def write_draws(path: Path, camera: camera.CameraFit) -> None:
     """Draws of all curves together as an NPZ."""
     if camera.band is None or camera.band.draws is None:
         raise InputError("draws come with the method prior only; leave --draws-file out")

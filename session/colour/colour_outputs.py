@@ -10,26 +10,11 @@ import numpy as np
 from spectrabox.calibrate.colour_profile import stated_transform
 from spectrabox.capture.photo.image_writers import write_tiff16
 from spectrabox.measure import captured, opened_photos, texts
-from spectrabox.measure.profiles.archive_quantities import (
-    FADGI,
-    ISO,
-    SOURCE,
-    ArchiveQuantity,
-    ChartColours,
-    archive_quantities,
-    chart_colours,
-)
-from spectrabox.measure.profiles.colour_profile import (
-    ColourProfile,
-    colour_picture,
-    colour_profile,
-    relative_signals,
-    response_of_calibration,
-)
+from spectrabox.measure.profiles import archive_quantities
+from spectrabox.measure.profiles import colour_profile as colour_profiles
 from spectrabox.measure.steps import signals
-from spectrabox.radiometry import appearance, errors, grid, interreflection, profile_files
+from spectrabox.radiometry import appearance, errors, findings, grid, interreflection, profile_files
 from spectrabox.radiometry.files import write_text_whole
-from spectrabox.radiometry.findings import Finding
 from spectrabox.session.config.session_file import SessionConfig
 from spectrabox.session.kept_stages import FinishedRun
 from spectrabox.session.report.page import style_sheet, templates
@@ -77,27 +62,30 @@ def write_colour(config: SessionConfig, run: FinishedRun, folder: Path, space: s
             f"{len(calibration.sensitivity.curves)}")
     photo, _ = opened_photos.develop(capture, view.photo)
     own = photo.camera_from_xyz
-    response, draws = response_of_calibration(calibration)
-    profile = colour_profile(response, draws, families or _stated_families(capture), own)
+    response, draws = colour_profiles.response_of_calibration(calibration)
+    profile = colour_profiles.colour_profile(response, draws, families or _stated_families(capture),
+                                             own)
     camera = chart.thumbnail.camera or "camera"
     files = [
         path for name in ("camera.icc", "camera.ocio")
         for path in profile_files.write_profile(folder / name, f"{camera}, {config.session.name}",
                                                 profile.matrix.coefficients, profile.table.xyz)
     ]
-    picture, clipped = colour_picture(
-        relative_signals(photo, signals.flat_photos(capture, records)[0],
-                         signals.known_of_signals(capture, records),
-                         signals.flat_errors(capture, records)),
+    picture, clipped = colour_profiles.colour_picture(
+        colour_profiles.relative_signals(photo, signals.flat_photos(capture, records)[0],
+                                         signals.known_of_signals(capture, records),
+                                         signals.flat_errors(capture, records)),
         profile.table, profile_files.SPACES[space])
     write_tiff16(folder / PHOTO, picture, profile_files.SPACES[space].profile)
     reflectances = capture.lit_chart.reflectances
     relative = reflectances @ interreflection.relative_response(calibration, grid.FINE_GRID).T
     glare = records.calibrate.whites[""].glare
-    patches = chart_colours(chart.samples, (fit.predicted - glare) / relative, glare, reflectances,
-                            profile.table, layout.names, layout.neutrals,
-                            None if own is None else stated_transform(own))
-    quantities = archive_quantities(patches, records.flat_signals.light[view.name].over_photo)
+    patches = archive_quantities.chart_colours(chart.samples, (fit.predicted - glare) / relative,
+                                               glare, reflectances, profile.table, layout.names,
+                                               layout.neutrals,
+                                               None if own is None else stated_transform(own))
+    quantities = archive_quantities.archive_quantities(
+        patches, records.flat_signals.light[view.name].over_photo)
     facts = {"files": [str(path) for path in (*files, folder / PHOTO, folder / PAGE)],
              "space": profile_files.SPACES[space].name, "clipped": clipped,
              "delta_e00": profile.facts(),
@@ -115,19 +103,19 @@ def _stated_families(capture: captured.FlatCapture) -> list[str]:
     return sorted({name for families in stated for name in families}) if all(stated) else []
 
 
-def _own_mean(patches: ChartColours) -> float | None:
+def _own_mean(patches: archive_quantities.ChartColours) -> float | None:
     if patches.own is None:
         return None
     return float(np.mean(appearance.ciede2000(patches.own, patches.reference)))
 
 
-def _quantity_facts(one: ArchiveQuantity) -> dict[str, Any]:
+def _quantity_facts(one: archive_quantities.ArchiveQuantity) -> dict[str, Any]:
     return {"name": one.name, "value": one.value, "unit": one.unit, "measured_on": one.measured_on,
             "limits": {name: dict(limits) for name, limits in one.limits.items()},
             "grades": {name: one.grade(name) for name in one.limits}}
 
 
-def _text(facts: dict[str, Any], profile: ColourProfile) -> str:
+def _text(facts: dict[str, Any], profile: colour_profiles.ColourProfile) -> str:
     own = facts["chart"]["by_own_matrix"]
     return "\n".join([
         "CIEDE2000 to D50, expected", *profile.error_lines(),
@@ -141,8 +129,8 @@ def _text(facts: dict[str, Any], profile: ColourProfile) -> str:
         "clipped", *(f"wrote {path}" for path in facts["files"])])
 
 
-def _page(config: SessionConfig, facts: dict[str, Any], profile: ColourProfile,
-          patches: ChartColours, findings: Sequence[Finding]) -> str:
+def _page(config: SessionConfig, facts: dict[str, Any], profile: colour_profiles.ColourProfile,
+          patches: archive_quantities.ChartColours, findings: Sequence[findings.Finding]) -> str:
     rows = [{"name": name, "lab": lab, "reference": reference, "difference": difference}
             for name, lab, reference, difference in zip(
                 patches.names, patches.lab.tolist(), patches.reference.tolist(),
@@ -150,5 +138,5 @@ def _page(config: SessionConfig, facts: dict[str, Any], profile: ColourProfile,
     of_the_chart = [texts.says(one) for one in findings if one.code == CHART_CHECK]
     return templates().get_template("archive.html.j2").render(
         name=config.session.name, style=style_sheet(), facts=facts, patches=rows,
-        of_the_chart=of_the_chart, iso=ISO, fadgi=FADGI, source=SOURCE, draws=profile.draws,
-        not_measured=NOT_MEASURED)
+        of_the_chart=of_the_chart, iso=archive_quantities.ISO, fadgi=archive_quantities.FADGI,
+        source=archive_quantities.SOURCE, draws=profile.draws, not_measured=NOT_MEASURED)

@@ -46,8 +46,7 @@ def relight(
     from spectrabox.capture.photo.image_writers import write_exr, write_png
     from spectrabox.measure.scene.box_camera import scene_of
     from spectrabox.measure.shoot.captures import stated_scene
-    from spectrabox.session.outputs.run_outputs import require_results
-    from spectrabox.session.outputs.session_results import picture_folder
+    from spectrabox.session.outputs import run_outputs, session_results
     from spectrabox.session.replayed import OBSERVER
     from spectrabox.session.replayed import relight as render_under
     from spectrabox.session.store.locks import outputs_writer
@@ -56,11 +55,11 @@ def relight(
     size = (width, max(round(width * scene.height / scene.width), 1))
     xyz, picture, colours, notes = render_under(
         finished, light=light, observer=observer or OBSERVER, size=size, spp=spp, device=device,
-        pictures=config.folder / picture_folder(config))
+        pictures=config.folder / session_results.picture_folder(config))
     label = re.sub(r"[^\w.-]", "-", Path(light or "session").stem)
     png = out or folder / f"relit {label}.png"
     with outputs_writer(config.folder):     # two pictures that belong together
-        require_results(finished, "spectrabox relight")
+        run_outputs.require_results(finished, "spectrabox relight")
         write_png(png, picture)
         write_exr(png.with_suffix(".exr"), xyz, ("X", "Y", "Z"))
     lines = [f"{colour.name:<16} L* {colour.lab[0]:5.1f}  a* {colour.lab[1]:6.1f}  b* "
@@ -141,15 +140,14 @@ def rehearse(
     """Test whether this session's bands hold, on simulated photos with known truths."""
     from spectrabox.session.config.session_file import read_session
     from spectrabox.session.replayed import rehearse as replay
-    from spectrabox.session.store.locks import only_writer
-    from spectrabox.session.store.rehearsals import save_rehearsal
+    from spectrabox.session.store import locks, rehearsals
     from spectrabox.session.terminal.progress_display import progress_display
     config = read_session(folder, allow_outside)
-    with only_writer(config.folder, "spectrabox rehearse"), \
+    with locks.only_writer(config.folder, "spectrabox rehearse"), \
             progress_display(quiet) as progress:
         rehearsed = replay(config, times, seed, device,
                            lambda done, what: progress("rehearse", done, what))
-        path = save_rehearsal(config, rehearsed)
+        path = rehearsals.save_rehearsal(config, rehearsed)
     return command_line.Answer(dataclasses.asdict(rehearsed) | {"file": str(path)}, rehearsed.text)
 
 

@@ -136,12 +136,7 @@ def pose(
     """
     import numpy as np
 
-    from spectrabox.calibrate.geometry.lens import (
-        camera_position,
-        lens_facts,
-        mitsuba_sensor,
-        read_lens,
-    )
+    from spectrabox.calibrate.geometry import lens as lenses
     from spectrabox.calibrate.geometry.pose import pose_and_focal_length, pose_from_points
     from spectrabox.calibrate.geometry.projection import FLAT, spread
     from spectrabox.radiometry.files import write_text_whole
@@ -155,11 +150,11 @@ def pose(
     if lens_file is None:
         camera_pose, used = pose_and_focal_length(positions, points, width, height, names)
     else:
-        used = read_lens(lens_file)
+        used = lenses.read_lens(lens_file)
         _require_size(image, used)
         camera_pose = pose_from_points(positions, points, used, names)
-    camera = mitsuba_sensor(used, camera_pose)
-    position = camera_position(camera_pose)
+    camera = lenses.mitsuba_sensor(used, camera_pose)
+    position = lenses.camera_position(camera_pose)
     refinement = Refinement(
         what="camera", name="of the photo", how=f"found from {len(names)} points of "
         f"{photo.name}, rms {camera_pose.rms_px:.2f} pixels; direction known to "
@@ -173,7 +168,7 @@ def pose(
     misses = dict(zip(names, np.linalg.norm(camera_pose.residuals_px, axis=1).tolist(),
                       strict=True))
     facts = {"out": out, **command_line.to_json(position), "rms_px": camera_pose.rms_px,
-             "residuals_px": misses, "camera": camera, "lens": lens_facts(used),
+             "residuals_px": misses, "camera": camera, "lens": lenses.lens_facts(used),
              "in_one_plane": bool(flat)}
     return command_line.Answer(
         facts, "\n".join(

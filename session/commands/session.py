@@ -172,16 +172,14 @@ def open_page(
     """Open a photo's or session's page on this machine: point at colours, mark, run, read."""
     import webbrowser
 
-    from spectrabox.session.page.run_control import RunControl
+    from spectrabox.session.page import run_control, server, session_page
 
     run = None
     if paths:
         folder = _folder_to_open(paths).resolve()
-        run = RunControl(folder, ("--allow-outside",) if allow_outside else ())
+        run = run_control.RunControl(folder, ("--allow-outside",) if allow_outside else ())
         if folder != paths[0].resolve() and not (folder / "results").exists():
             run.start("calibrate")      # before the page loads its libraries
-    from spectrabox.session.page.server import serve
-    from spectrabox.session.page.session_page import SessionPage
     from spectrabox.session.page.start_page import StartPage
 
     def say(address: str) -> None:
@@ -189,25 +187,21 @@ def open_page(
         command_line.tell(
             "Ctrl-C ends it. The address holds a token: whoever has it can change this "
             "session from this machine.")
-    page: SessionPage | StartPage = StartPage(Path(), meter_port) if run is None \
-        else SessionPage(run.folder, watch, allow_outside, run, meter_port)
-    serve(page, port, say, webbrowser.open if browser else None)
+    page: session_page.SessionPage | StartPage = StartPage(Path(), meter_port) if run is None \
+        else session_page.SessionPage(run.folder, watch, allow_outside, run, meter_port)
+    server.serve(page, port, say, webbrowser.open if browser else None)
 
 
 def _folder_to_open(paths: tuple[Path, ...]) -> Path:
     """The session folder that is named, or that of photos, made where it is missing."""
     from spectrabox.session.config.session_file import FILE_NAME
-    from spectrabox.session.flat.new_session import (
-        folder_beside,
-        new_session,
-        tables_without_regions,
-    )
+    from spectrabox.session.flat import new_session
     first, *others = paths
     if first.is_file() and first.name != FILE_NAME:
-        if not (folder_beside(first) / FILE_NAME).is_file():
-            with new_session(tables_without_regions(*paths), None):
+        if not (new_session.folder_beside(first) / FILE_NAME).is_file():
+            with new_session.new_session(new_session.tables_without_regions(*paths), None):
                 pass
-        return folder_beside(first)
+        return new_session.folder_beside(first)
     if others:
         raise InputError(f"{first} is no photo; give one session folder, or photos of one sample")
     if not first.is_file() and not (first / FILE_NAME).is_file():
@@ -264,20 +258,15 @@ def run_session(folder: Path, allow_outside: bool = False, *, only: str | None =
     words : list of str, optional
         The command as the operator could type it again, for the report; that of ``run`` by default.
     """
+    from spectrabox.session import kept_stages
     from spectrabox.session.config.session_file import read_session
-    from spectrabox.session.kept_stages import (
-        kept_run,
-        load_finished,
-        stage_names,
-        stages_in_order,
-    )
     from spectrabox.session.outputs.run_outputs import outputs_of_run
     from spectrabox.session.store.locks import only_writer
     from spectrabox.session.terminal.progress_display import progress_display, with_time_left
 
     config = read_session(folder, allow_outside)
-    order = stage_names(config)
-    wanted = stages_in_order(only, order)
+    order = kept_stages.stage_names(config)
+    wanted = kept_stages.stages_in_order(only, order)
     if until is not None and (only is not None or until not in order):
         raise InputError(f"--until {until}: one of the stages {', '.join(order)} is "
                          "needed, without --only")
@@ -291,7 +280,7 @@ def run_session(folder: Path, allow_outside: bool = False, *, only: str | None =
         progress = with_time_left(show)
         all_of_them = wanted == [None] and after is None and not force
         with _with_all_faults(config):
-            kept = kept_run(config, device, progress) if all_of_them else None
+            kept = kept_stages.kept_run(config, device, progress) if all_of_them else None
             finished = kept or _finished_run(config, wanted, after, device, force, progress)
         if wanted[-1] not in (None, "sample") or after is not None:
             seconds = {stage: finished.stored[stage].seconds
@@ -303,7 +292,7 @@ def run_session(folder: Path, allow_outside: bool = False, *, only: str | None =
                 "\n".join([*(f"stage {stage} took {taken:.1f} s"
                              for stage, taken in seconds.items()),
                            "run without --only and --until for the report"]))
-        finished = load_finished(config) if only is not None else finished
+        finished = kept_stages.load_finished(config) if only is not None else finished
         facts, brief, text, failed = outputs_of_run(config, finished, words, device, progress)
     return command_line.Answer(facts, text if verbose else brief, failed=failed)
 

@@ -9,8 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from spectrabox.radiometry import errors, findings
-from spectrabox.radiometry.files import sha256_of
+from spectrabox.radiometry import errors, files, findings
 from spectrabox.session.config.session_file import SessionConfig
 from spectrabox.session.kept_stages import FinishedRun
 from spectrabox.session.store import keys, locks, record_files, rehearsals
@@ -205,5 +204,5 @@ def _key(config: SessionConfig, finished: FinishedRun, inputs: keys.InputFiles) 
     return {"settings": settings, "truths": keys.digest_of_parts(truths),
             "files": inputs.digests(None if curves is None else curves.file),
             "stages": finished.fingerprints(),
-            "rehearsal": sha256_of(rehearsal) if rehearsal.is_file() else "",
+            "rehearsal": files.sha256_of(rehearsal) if rehearsal.is_file() else "",
             "versions": keys.versions(), "code": keys.room_digests((*keys.LIBRARY, "session"))}

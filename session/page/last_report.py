@@ -6,8 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from spectrabox.radiometry.errors import SpectraboxError
-from spectrabox.radiometry.files import read_text
+from spectrabox.radiometry import errors, files
 from spectrabox.session.config.session_file import FILE_NAME
 
 REPORT, NUMBERS = "report.html", "report.json"
@@ -41,9 +40,9 @@ class LastReport:
         stamp = self.stamp()
         if self._verdict[0] != stamp:
             verdict = None
-            with contextlib.suppress(SpectraboxError, OSError, ValueError, KeyError, TypeError,
-                                     RecursionError):
-                numbers = json.loads(read_text(self.folder / NUMBERS))
+            with contextlib.suppress(errors.SpectraboxError, OSError, ValueError, KeyError,
+                                     TypeError, RecursionError):
+                numbers = json.loads(files.read_text(self.folder / NUMBERS))
                 verdict = {"status": str(numbers["verdict"]["status"]),
                            "says": str(numbers["verdict"]["says"]),
                            "conditions": list(numbers["conditions"]),

@@ -15,9 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure import captured, texts
-from spectrabox.measure.extras import attempt
-from spectrabox.measure.opened_photos import OpenPhotos
+from spectrabox.measure import captured, extras, opened_photos, texts
 from spectrabox.measure.pictures import shown_photo
 from spectrabox.measure.records import CaptureRecords, ChartRecords
 from spectrabox.measure.regions.flat_signals import RegionSignal
@@ -25,17 +23,13 @@ from spectrabox.measure.regions.pointing import PointedSample, pointed_sample
 from spectrabox.measure.results.flat_result import FlatResult
 from spectrabox.measure.shoot import captures
 from spectrabox.measure.steps.declared_steps import inputs_of_calibration, inputs_of_charts
-from spectrabox.radiometry import errors
-from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records.photos import LinearImage
-from spectrabox.radiometry.records.spectra import Quantity, SurfaceSpectrum
-from spectrabox.radiometry.spectra.formats.delimited import plain_text
-from spectrabox.radiometry.spectra.formats.tm27 import spdx_text
+from spectrabox.radiometry import errors, grid
+from spectrabox.radiometry.records import photos, spectra
+from spectrabox.radiometry.spectra.formats import delimited, tm27
 from spectrabox.radiometry.system.words import shortened
 from spectrabox.session.config.session_file import SessionConfig
-from spectrabox.session.page import pointed_answers
+from spectrabox.session.page import pointed_answers, run_control
 from spectrabox.session.page.photo_views import RELATIVE, PhotoFile, PhotoViews
-from spectrabox.session.page.run_control import RunControl
 from spectrabox.session.store.keys import InputFiles, digest_of_parts, step_keys
 from spectrabox.session.store.record_files import fingerprint, load_stage
 
@@ -57,7 +51,7 @@ class LiveSample:
         Which are given the photos.
     """
 
-    def __init__(self, run: RunControl, views: PhotoViews) -> None:
+    def __init__(self, run: run_control.RunControl, views: PhotoViews) -> None:
         self._run, self._views = run, views
         self._config: SessionConfig | None = None       # of flat samples
         self._scene: SessionConfig | None = None
@@ -65,9 +59,9 @@ class LiveSample:
         self._sample_key = ""                           # of its calibration and photos
         self._calibrated_as = ""                        # digest of what these rest on
         self._kept: dict[str, dict[str, Any]] = {}      # answers by what they depend on
-        self._drawn: dict[str, tuple[RegionSignal, SurfaceSpectrum]] = {}   # likewise
+        self._drawn: dict[str, tuple[RegionSignal, spectra.SurfaceSpectrum]] = {}  # likewise
         self._tried: set[str] = set()                   # keys that a run was started for
-        self._images: tuple[str, dict[str, LinearImage]] = ("", {})
+        self._images: tuple[str, dict[str, photos.LinearImage]] = ("", {})
         self._chart: tuple[str, dict[str, Any]] = ("", {})
         self._error = ""
         # of which sample, as the page shows it, and itself
@@ -191,7 +185,7 @@ class LiveSample:
             raise errors.InputError(f"there is no region {shortened(name)}")
         region = capture.regions[name]
         if region.given is not None:
-            return pointed_answers.described_spectrum(FINE_GRID.nm, region.given) | {
+            return pointed_answers.described_spectrum(grid.FINE_GRID.nm, region.given) | {
                 "given": True, "doubt": sample.doubted_known.get(name, "")}
         depends = depends_on(sample, name)
         if depends not in self._kept:
@@ -204,7 +198,7 @@ class LiveSample:
         return self._kept[depends]
 
     def _drawn_region(self, sample: PointedSample,
-                      name: str) -> tuple[RegionSignal, SurfaceSpectrum]:
+                      name: str) -> tuple[RegionSignal, spectra.SurfaceSpectrum]:
         """Signal and spectrum of a region, drawn once for the page and the verdict."""
         depends = depends_on(sample, name)
         with self._drawing:
@@ -244,14 +238,14 @@ class LiveSample:
             Before the calibration is there.
         """
         capture = self._require_ready().capture
-        nm = FINE_GRID.nm
+        nm = grid.FINE_GRID.nm
         answers = {name: self.region(name) for name in capture.regions}
         answers = {name: answer for name, answer in answers.items() if "mean" in answer}
         means = {name: np.interp(nm, answer["nm"], answer["mean"])
                  for name, answer in answers.items()}
         if suffix == ".spdx":
-            return spdx_text(nm, means, quantity=Quantity.REFLECTANCE,
-                             source=f"{', '.join(means)}; {capture.name}")
+            return tm27.spdx_text(nm, means, quantity=spectra.Quantity.REFLECTANCE,
+                                  source=f"{', '.join(means)}; {capture.name}")
         columns: dict[str, np.ndarray] = {}
         for name, answer in answers.items():
             columns[f"{name} mean"] = means[name]
@@ -259,7 +253,7 @@ class LiveSample:
                 if end in answer:
                     columns[f"{name} {end} {capture.sampling.level:g}"] = np.interp(
                         nm, answer["nm"], answer[end])
-        return plain_text(nm, columns)
+        return delimited.plain_text(nm, columns)
 
     def _require_ready(self) -> PointedSample:
         if self._sample is None:
@@ -271,12 +265,12 @@ class LiveSample:
             self._wanted.clear()
             config, scene = self._config, self._scene
             if scene is not None:
-                attempt("calibrated picture", partial(self._show_scene, scene), None)
+                extras.attempt("calibrated picture", partial(self._show_scene, scene), None)
                 continue
-            _, failed = attempt("spectra on the page", partial(self._update, config), None)
+            _, failed = extras.attempt("spectra on the page", partial(self._update, config), None)
             if failed is not None:
                 self._error, self._sample = failed.values["error"], None
-            attempt("calibrated picture", self._show_calibrated, None)
+            extras.attempt("calibrated picture", self._show_calibrated, None)
             if failed is None and not self._wanted.wait(SETTLED_S):
                 self._find_result()
 
@@ -287,7 +281,7 @@ class LiveSample:
             return
         found, described = None, None
         if any(region.given is None for region in sample.capture.regions.values()):
-            now, failed = attempt("verdict", lambda: self._described_now(sample), None)
+            now, failed = extras.attempt("verdict", lambda: self._described_now(sample), None)
             if failed is not None:                  # a region that is clipped, say
                 described = {"status": "fail", "says": failed.values["error"], "conditions": []}
             elif now is not None:
@@ -374,10 +368,10 @@ class LiveSample:
                 self._sample = sample
                 self._state_anew()      # regions may have been marked meanwhile
 
-    def _opened(self, capture: captured.FlatCapture) -> dict[str, LinearImage]:
+    def _opened(self, capture: captured.FlatCapture) -> dict[str, photos.LinearImage]:
         """Every photo, developed; those of one file alone are shown too."""
         images = {}
-        photos = OpenPhotos(capture)
+        photos = opened_photos.OpenPhotos(capture)
         plain = not (capture.development.flat_fields or capture.development.dark_frames)
         for view in capture.views:
             images[view.name] = photos.developed(view.photo)[0]

@@ -13,9 +13,8 @@ import tomlkit
 from pydantic import Field
 from tomlkit.exceptions import TOMLKitError
 
-from spectrabox.radiometry import checked_tables
+from spectrabox.radiometry import checked_tables, files
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import write_text_whole
 from spectrabox.radiometry.spectra.given_spectra import typed_reflectance
 from spectrabox.radiometry.system.words import shortened
 from spectrabox.session.config import session_file
@@ -124,7 +123,7 @@ class MarkedSession:
         if after != before:
             with self._lock:
                 self._require_seen(seen)
-                write_text_whole(self.folder / session_file.FILE_NAME, after)
+                files.write_text_whole(self.folder / session_file.FILE_NAME, after)
                 self._undo = [*self._undo, (before, after)][-MAX_UNDO:]
 
     def _with_known_file(self, mark: Mark) -> Mark:
@@ -162,7 +161,7 @@ class MarkedSession:
                 raise InputError(
                     f"nothing to undo: {session_file.FILE_NAME} was changed elsewhere since the "
                     "last mark")
-            write_text_whole(self.folder / session_file.FILE_NAME, self._undo.pop()[0])
+            files.write_text_whole(self.folder / session_file.FILE_NAME, self._undo.pop()[0])
 
     def _require_seen(self, seen: str) -> str:
         text, digest = self.read()

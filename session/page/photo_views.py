@@ -12,13 +12,9 @@ from typing import TypeVar
 import numpy as np
 
 from spectrabox.capture.develop.developed import open_any
-from spectrabox.capture.photo import preview
+from spectrabox.capture.photo import preview, raw, region_edges, regions, stored_images
 from spectrabox.capture.photo.image_writers import write_jpeg, write_png
 from spectrabox.capture.photo.linear import signal_alone, tile_step
-from spectrabox.capture.photo.raw import decode
-from spectrabox.capture.photo.region_edges import largest_rectangle
-from spectrabox.capture.photo.regions import MIN_PIXELS
-from spectrabox.capture.photo.stored_images import is_image_file
 from spectrabox.measure.pictures.shown_photo import PhotoLook, camera_look
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.photos import LinearImage, RawFrame
@@ -230,11 +226,11 @@ class PhotoViews:
             return None
         cells = clipped[y0:y0 + rows * side, x0:x0 + columns * side].reshape(
             rows, side, columns, side, -1)
-        largest = largest_rectangle(np.logical_not(cells.any(axis=(1, 3, 4))))
+        largest = region_edges.largest_rectangle(np.logical_not(cells.any(axis=(1, 3, 4))))
         if largest is None:
             return None
         left, top, right, bottom = largest
-        if (right - left) * (bottom - top) * side**2 < 2 * MIN_PIXELS:
+        if (right - left) * (bottom - top) * side**2 < 2 * regions.MIN_PIXELS:
             return None
         return [(x0 + left * side) * step, (y0 + top * side) * step,
                 (x0 + right * side) * step - 1, (y0 + bottom * side) * step - 1]
@@ -296,8 +292,8 @@ def _kept(known: dict[FileKey, Kept], key: FileKey, make: Callable[[], Kept]) ->
 
 def _opened(file: PhotoFile) -> OpenPhoto:
     """A raw's signal alone, which takes half the time; any other file as it is opened elsewhere."""
-    if not is_image_file(file.path):
-        frame = decode(file.path)
+    if not stored_images.is_image_file(file.path):
+        frame = raw.decode(file.path)
         if isinstance(frame, RawFrame):
             signal = preview.turned_array(signal_alone(frame), file.orientation)
             return _open_photo(signal, float(tile_step(frame.cfa, frame.file)),

@@ -8,22 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure import captured, conditions, rules, texts
-from spectrabox.measure.opened_photos import OpenPhotos
+from spectrabox.measure import captured, conditions, opened_photos, rules, texts
 from spectrabox.measure.records import ChartRecords, SampleRecords
 from spectrabox.measure.regions.flat_signals import RegionSignal
 from spectrabox.measure.regions.pointing import PointedSample
 from spectrabox.measure.results.flat_result import FlatResult, flat_result
-from spectrabox.measure.steps import declared_steps, photos
+from spectrabox.measure.steps import declared_steps, photos, signals
 from spectrabox.measure.steps.measurement import InMemory, MemoryKeeper
-from spectrabox.measure.steps.signals import find_signals
 from spectrabox.measure.steps.work import Work
 from spectrabox.measure.surfaces.colour_comparison import LIGHTS, compare_colours
 from spectrabox.measure.surfaces.surface_signals import errors_by_cause
-from spectrabox.radiometry import appearance
-from spectrabox.radiometry.errors import SpectraboxError
-from spectrabox.radiometry.findings import Finding, faults
-from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry import appearance, errors, findings, grid
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.records.spectra import Spectrum, SurfaceSpectrum
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
@@ -37,7 +32,7 @@ def answered_or_refused(estimate: Callable[[], dict[str, Any]]) -> dict[str, Any
     """An estimate for the page, or why there is none: pixels that are clipped, say."""
     try:
         return estimate()
-    except SpectraboxError as error:
+    except errors.SpectraboxError as error:
         return {"refused": str(error)}
 
 
@@ -48,7 +43,7 @@ def described_charts(capture: captured.FlatCapture, records: ChartRecords) -> di
         chart = records.charts[view.name]
         role = view.title if view.shows_chart else f"{view.name} chart".strip()
         charts[role] = {"patches": np.round(chart.detection.corners_px, 1).tolist(),
-                        "verdict": "RE-SHOOT" if faults(chart.findings) else "GOOD",
+                        "verdict": "RE-SHOOT" if findings.faults(chart.findings) else "GOOD",
                         "reasons": texts.reasons(chart.findings),
                         "findings": [texts.facts(finding) for finding in chart.findings]}
     return charts
@@ -69,11 +64,11 @@ def described_region(sample: PointedSample, signal: RegionSignal,
 
 def described_truth(truth: Spectrum, nm: np.ndarray, mean: np.ndarray) -> dict[str, Any]:
     """A measured spectrum beside an estimate, and how far their colours are apart."""
-    measured = spectrum_on_grid(truth, FINE_GRID)
-    return {"nm": FINE_GRID.nm[::5].tolist(), "values": _rounded(measured[::5]),
-            "lab": _rounded(appearance.reflectance_to_lab(FINE_GRID.nm, measured)),
-            "delta_e00": round(appearance.delta_e00(FINE_GRID.nm, measured,
-                                         np.interp(FINE_GRID.nm, nm, mean)), 2)}
+    measured = spectrum_on_grid(truth, grid.FINE_GRID)
+    return {"nm": grid.FINE_GRID.nm[::5].tolist(), "values": _rounded(measured[::5]),
+            "lab": _rounded(appearance.reflectance_to_lab(grid.FINE_GRID.nm, measured)),
+            "delta_e00": round(appearance.delta_e00(grid.FINE_GRID.nm, measured,
+                                         np.interp(grid.FINE_GRID.nm, nm, mean)), 2)}
 
 
 def described_part(sample: PointedSample, region: captured.Region) -> dict[str, Any]:
@@ -143,7 +138,7 @@ def _rounded(values: np.ndarray, decimals: int = 5) -> list[float]:
 
 # ---- the result of what is marked now, before any report: its verdict, and what it rests on ------
 
-class PhotosAtHand(OpenPhotos):
+class PhotosAtHand(opened_photos.OpenPhotos):
     """Photos of a capture that are developed already.
 
     Parameters
@@ -157,7 +152,8 @@ class PhotosAtHand(OpenPhotos):
         super().__init__(capture)
         self._images = [(view.photo, images[view.name]) for view in capture.views]
 
-    def developed(self, photo: captured.PhotoFiles) -> tuple[LinearImage, tuple[Finding, ...]]:
+    def developed(self,
+                  photo: captured.PhotoFiles) -> tuple[LinearImage, tuple[findings.Finding, ...]]:
         """The photo; what else showed of it is the report's."""
         return next(image for files, image in self._images if files == photo), ()
 
@@ -185,7 +181,7 @@ def result_now(sample: PointedSample,
     keeper.keep(declared_steps.FLAT_PHOTOS, lambda progress, folder: photos.measure_flat_photos(
         capture, keeper.records, work))
     keeper.keep(declared_steps.SIGNALS,
-                lambda progress, folder: find_signals(capture, keeper.records, work))
+                lambda progress, folder: signals.find_signals(capture, keeper.records, work))
     keeper.keep(declared_steps.FLAT_SPECTRA, lambda progress, folder: SampleRecords(
         {name: drawn(name) for name, region in capture.regions.items()
          if region.given is None}))

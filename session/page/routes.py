@@ -11,17 +11,15 @@ from starlette.responses import FileResponse, Response
 from starlette.routing import BaseRoute, Route
 
 from spectrabox.radiometry.errors import SpectraboxError
-from spectrabox.session.page import answers
-from spectrabox.session.page.photo_views import RAW, PhotoFile
+from spectrabox.session.page import answers, photo_views, start_page
 from spectrabox.session.page.session_page import MARKED, SessionPage
-from spectrabox.session.page.start_page import StartPage
 from spectrabox.session.page.written_session import MAX_PX
 
 HERE = Path(__file__).parent / "static"
 RECTANGLE = ("x0", "y0", "x1", "y1")
 
 
-def start_routes(page: StartPage, when_opened: Callable[[], None]) -> list[BaseRoute]:
+def start_routes(page: start_page.StartPage, when_opened: Callable[[], None]) -> list[BaseRoute]:
     """What the page answers from which sessions are opened and made."""
     return [*_shell("start.html", when_opened),
             _get("/api/sessions", lambda asked: page.sessions()),
@@ -84,14 +82,14 @@ def _photos(page: SessionPage) -> list[BaseRoute]:
     """Photos for the eye, tile by tile, and signals under the pointer."""
     views = page.photos
 
-    def of_photo(path: str, work: Callable[[PhotoFile, Any], Any]) -> BaseRoute:
+    def of_photo(path: str, work: Callable[[photo_views.PhotoFile, Any], Any]) -> BaseRoute:
         return _get(path, lambda asked: work(page.photo_file(asked["role"]), asked))
 
     return [
         of_photo("/api/size", lambda file, asked: views.described(file)),
         of_photo("/api/tile", lambda file, asked: views.tile(
             file, int(asked["halvings"]), int(asked["column"]), int(asked["row"]),
-            asked.get("look", RAW))),
+            asked.get("look", photo_views.RAW))),
         of_photo("/api/unclipped", lambda file, asked: {
             "rect": views.unclipped(file, _pixels(asked, RECTANGLE))}),
         of_photo("/api/value", lambda file, asked: views.value(file, *_pixels(asked, ("x", "y")))),

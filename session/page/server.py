@@ -21,10 +21,8 @@ from starlette.staticfiles import StaticFiles
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.session.page.access import Access, RedirectFile
+from spectrabox.session.page import access, session_page, start_page
 from spectrabox.session.page.routes import HERE, session_routes, start_routes
-from spectrabox.session.page.session_page import SessionPage
-from spectrabox.session.page.start_page import StartPage
 
 HOST = "127.0.0.1"
 PIECES = HERE.parent.parent / "pieces"      # parts that the report has too
@@ -33,8 +31,8 @@ MAX_CONNECTIONS = 100   # a browser has six
 GRACE_S = 1             # for answers under way when the page ends
 
 
-def page_app(page: SessionPage | StartPage, token: str,
-             when_opened: Callable[[], None] = lambda: None) -> Access:
+def page_app(page: session_page.SessionPage | start_page.StartPage, token: str,
+             when_opened: Callable[[], None] = lambda: None) -> access.Access:
     """A page as an ASGI application.
 
     Parameters
@@ -56,18 +54,18 @@ def page_app(page: SessionPage | StartPage, token: str,
                             lifespan=lifespan)
     routes = application.router.routes
     application.router.redirect_slashes = False
-    if isinstance(page, SessionPage):
+    if isinstance(page, session_page.SessionPage):
         routes += session_routes(page, when_opened)
     else:
         routes += start_routes(page, when_opened)
         page.mount = lambda path, opened: routes.insert(0, Mount(path,
                                                                  routes=session_routes(opened)))
     # around all of it, so that answers to its own errors have the same headers
-    return Access(application, token)
+    return access.Access(application, token)
 
 
-def serve(page: SessionPage | StartPage, port: int, say: Callable[[str], None],
-          browse: Callable[[str], object] | None = None) -> None:
+def serve(page: session_page.SessionPage | start_page.StartPage, port: int,
+          say: Callable[[str], None], browse: Callable[[str], object] | None = None) -> None:
     """Serve the page until it is interrupted.
 
     Parameters
@@ -104,7 +102,7 @@ def serve(page: SessionPage | StartPage, port: int, say: Callable[[str], None],
         say(address)
         app = page_app(page, token)
         if browse is not None:
-            redirect = RedirectFile(address)
+            redirect = access.RedirectFile(address)
             at_end.callback(redirect.discard)
             app = page_app(page, token, redirect.discard)
             # some browsers return when they are closed

@@ -8,20 +8,14 @@ from pathlib import Path
 from typing import IO, Any
 
 from spectrabox.capture.photo.preview import photo_orientation
-from spectrabox.measure.shoot.inputs import chart_of
-from spectrabox.measure.shoot.shoot import Shoot
-from spectrabox.radiometry.chart import CLASSIC, Chart
+from spectrabox.measure.shoot import inputs, shoot
+from spectrabox.radiometry import chart, files
 from spectrabox.radiometry.errors import InputError, SpectraboxError
-from spectrabox.radiometry.files import whole_file, writable
 from spectrabox.radiometry.system.words import plain, shortened
 from spectrabox.session.config.session_file import SessionConfig, session_of_text
 from spectrabox.session.kept_stages import stage_states
 from spectrabox.session.meters.page_meter import PageMeter
-from spectrabox.session.page import written_session
-from spectrabox.session.page.answers import safe_name, unused_path
-from spectrabox.session.page.last_report import LastReport
-from spectrabox.session.page.live import LiveSample
-from spectrabox.session.page.marks import MarkedSession
+from spectrabox.session.page import answers, last_report, live, marks, written_session
 from spectrabox.session.page.photo_views import PhotoFile, PhotoViews
 from spectrabox.session.page.run_control import RunControl
 from spectrabox.session.page.shooting import PHOTO_SUFFIXES, Shooting
@@ -51,18 +45,18 @@ class SessionPage:
                  meter_ports: Sequence[str] = ()) -> None:
         self.folder = folder.resolve()
         self.photos = PhotoViews()
-        self.marks = MarkedSession(self.folder, self.photos, allow_outside)
+        self.marks = marks.MarkedSession(self.folder, self.photos, allow_outside)
         self.marks.read()
         self.run = run or RunControl(self.folder, ("--allow-outside",) if allow_outside else ())
-        self.live = LiveSample(self.run, self.photos)
-        self.report = LastReport(self.folder)
+        self.live = live.LiveSample(self.run, self.photos)
+        self.report = last_report.LastReport(self.folder)
         self.meter = PageMeter(self.folder, meter_ports)
         self.shooting = None if watched is None else Shooting(watched.resolve(), self._chart())
         self._allow_outside = allow_outside
         self._states: tuple[Any, list[dict[str, Any]]] = (None, [])
         self._states_lock = threading.Lock()
         self._receiving: set[Path] = set()
-        self._readable: Shoot | None = None     # tables as they were last well written
+        self._readable: shoot.Shoot | None = None  # tables as they were last well written
 
     def start(self) -> None:
         """Begin what goes on beside the answers."""
@@ -152,21 +146,21 @@ class SessionPage:
         InputError
             If it is no name of a file.
         """
-        safe = safe_name(name)
+        safe = answers.safe_name(name)
         part = "photos" if Path(safe).suffix.lower() in PHOTO_SUFFIXES else "spectra"
         folder = self.folder / part
-        with writable(folder):
+        with files.writable(folder):
             folder.mkdir(exist_ok=True)
-        target = unused_path(folder / safe, self._receiving)
+        target = answers.unused_path(folder / safe, self._receiving)
         self._receiving.add(target)         # of two that have one name each gets its own
         try:
-            with writable(folder), whole_file(target) as unfinished, \
+            with files.writable(folder), files.whole_file(target) as unfinished, \
                     unfinished.open("wb") as file:
                 yield file, f"{part}/{target.name}"
         finally:
             self._receiving.discard(target)
 
-    def _tables_of_photos(self, text: str) -> Shoot | None:
+    def _tables_of_photos(self, text: str) -> shoot.Shoot | None:
         """Tables that name the photos; while a fault is being mended, those from before it, so that
         the photo is still shown. None where there were none.
         """
@@ -184,12 +178,12 @@ class SessionPage:
             return None
         return path if self._allow_outside or path.is_relative_to(self.folder) else None
 
-    def _chart(self) -> Chart:
+    def _chart(self) -> chart.Chart:
         config, _ = session_of_text(self.marks.read()[0], self.folder)
         try:
-            return CLASSIC if config is None else chart_of(config, config.inputs)
+            return chart.CLASSIC if config is None else inputs.chart_of(config, config.inputs)
         except SpectraboxError:
-            return CLASSIC
+            return chart.CLASSIC
 
     def _stages(self, text: str, config: SessionConfig | None) -> list[dict[str, Any]]:
         """States of the stages, looked at again where something may have changed."""

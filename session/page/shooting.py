@@ -12,8 +12,7 @@ from typing import Any
 from spectrabox.capture.develop.developed import open_any
 from spectrabox.capture.photo.preview import photo_orientation, turned
 from spectrabox.measure import photo_quality, texts
-from spectrabox.radiometry.chart import CLASSIC, Chart
-from spectrabox.radiometry.errors import InputError, SpectraboxError
+from spectrabox.radiometry import chart, errors
 from spectrabox.radiometry.findings import faults
 from spectrabox.radiometry.system.words import plain, shortened
 from spectrabox.session.terminal.command_line import describe_error
@@ -52,10 +51,10 @@ class Shooting:
         Layout that is looked for.
     """
 
-    def __init__(self, folder: Path, chart: Chart = CLASSIC) -> None:
+    def __init__(self, folder: Path, chart: chart.Chart = chart.CLASSIC) -> None:
         if not folder.is_dir():
-            raise InputError(f"{folder} is no folder; give the one into which the camera's photos "
-                             "come")
+            raise errors.InputError(
+                f"{folder} is no folder; give the one into which the camera's photos " "come")
         self.folder, self._chart = folder, chart
         self._judged_states = self._states()    # what lay there before is left alone
         self._arriving: dict[str, tuple[FileState, float]] = {}     # and since when it is so
@@ -88,7 +87,7 @@ class Shooting:
         for name, shot in list(self._shots.items()):
             if shot.file == file:
                 return self.folder / name
-        raise InputError(f"{shortened(file)} is no new photo of {self.folder}")
+        raise errors.InputError(f"{shortened(file)} is no new photo of {self.folder}")
 
     def _states(self) -> dict[str, FileState]:
         states = {}
@@ -136,7 +135,7 @@ class Shooting:
             path = self.folder / name
             image = turned(open_any(path, not_linear=True), photo_orientation(path))
             findings, chart = photo_quality.judge_photo(image, self._chart)
-        except (SpectraboxError, OSError, MemoryError) as error:
+        except (errors.SpectraboxError, OSError, MemoryError) as error:
             verdict, reason = RE_SHOOT, describe_error(error)[0]
         except Exception as error:  # noqa: BLE001 - a fault of ours must not end the watch
             verdict, reason = FAULT, ("a fault of spectrabox, not of the photo: "

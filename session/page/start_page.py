@@ -14,14 +14,8 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import whole_file, writable
 from spectrabox.radiometry.system.words import plain, shortened
 from spectrabox.session.config.session_file import FILE_NAME
-from spectrabox.session.flat.new_session import (
-    folder_beside,
-    new_session,
-    tables_without_regions,
-)
-from spectrabox.session.page.answers import safe_name, unused_path
-from spectrabox.session.page.session_page import SessionPage
-from spectrabox.session.page.shooting import PHOTO_SUFFIXES
+from spectrabox.session.flat import new_session
+from spectrabox.session.page import answers, session_page, shooting
 
 
 class StartPage:
@@ -37,8 +31,8 @@ class StartPage:
 
     def __init__(self, folder: Path, meter_ports: Sequence[str] = ()) -> None:
         self.folder, self._meter_ports = folder.resolve(), meter_ports
-        self.mount: Callable[[str, SessionPage], None] = lambda path, page: None
-        self._pages: dict[Path, tuple[str, SessionPage]] = {}
+        self.mount: Callable[[str, session_page.SessionPage], None] = lambda path, page: None
+        self._pages: dict[Path, tuple[str, session_page.SessionPage]] = {}
         self._staging: Path | None = None
         self._lock = threading.Lock()
 
@@ -80,8 +74,8 @@ class StartPage:
         InputError
             If it is no name of a photo.
         """
-        safe = safe_name(name)
-        if Path(safe).suffix.lower() not in PHOTO_SUFFIXES:
+        safe = answers.safe_name(name)
+        if Path(safe).suffix.lower() not in shooting.PHOTO_SUFFIXES:
             raise InputError(f"{shortened(name)} is no photo that can be measured; drop a camera "
                              "raw, or a linear EXR or TIFF")
         with self._lock:
@@ -110,11 +104,11 @@ class StartPage:
         if folder is None:
             raise InputError("drop a photo first")
         try:
-            photos = [folder / safe_name(name) for name in names]
+            photos = [folder / answers.safe_name(name) for name in names]
             for photo in photos:
                 photo_size(photo)       # refuses what is no photo
-            target = unused_path(self.folder / folder_beside(photos[0]).name)
-            with new_session(tables_without_regions(*photos), target):
+            target = answers.unused_path(self.folder / new_session.folder_beside(photos[0]).name)
+            with new_session.new_session(new_session.tables_without_regions(*photos), target):
                 return self.open(target.name)
         finally:
             shutil.rmtree(folder, ignore_errors=True)
@@ -137,7 +131,7 @@ class StartPage:
         with self._lock:
             folder = self.folder / name
             if folder not in self._pages:
-                page = SessionPage(folder, meter_ports=self._meter_ports)
+                page = session_page.SessionPage(folder, meter_ports=self._meter_ports)
                 path = f"/s/{len(self._pages) + 1}"
                 self.mount(path, page)
                 page.start()

@@ -11,21 +11,18 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, ValidationError
 
-from spectrabox.capture.photo.linear import photo_size
-from spectrabox.capture.photo.regions import region_pixels
-from spectrabox.measure.captured import FIRST_PHOTO
-from spectrabox.measure.opened_photos import develop
+from spectrabox.capture.photo import linear, regions
+from spectrabox.measure import captured, opened_photos
 from spectrabox.measure.scene.box_camera import scene_of
 from spectrabox.measure.shoot import captures, shoot
-from spectrabox.radiometry.checked_tables import ListOf
-from spectrabox.radiometry.errors import InputError, SpectraboxError
+from spectrabox.radiometry import checked_tables, errors
 from spectrabox.session.config.session_file import SessionConfig, toml_of
 from spectrabox.session.page.photo_views import PhotoFile, PhotoViews
 from spectrabox.session.problems import readable, require_chart
 
 MAX_PX = 1e6            # no photo is as large
 Coordinate = Annotated[float, Field(ge=-MAX_PX, le=MAX_PX, strict=True)]
-Pixel = Annotated[ListOf[Coordinate], Field(min_length=2, max_length=2)]
+Pixel = Annotated[checked_tables.ListOf[Coordinate], Field(min_length=2, max_length=2)]
 ANY_CAMERA = {"at_mm": (0.0, 0.0, 1.0), "look_at_mm": (0.0, 0.0, 0.0), "fov_deg": 40.0}
 
 
@@ -36,7 +33,7 @@ def shown_tables(text: str) -> shoot.Shoot | None:
     """
     try:
         written = toml_of(text)
-    except InputError:
+    except errors.InputError:
         return None
     scene = written.get("scene")
     box = scene.get("box") if isinstance(scene, dict) else None
@@ -68,7 +65,7 @@ def photos_of(tables: shoot.Shoot | None) -> dict[str, str]:
     """
     if tables is None:
         return {}
-    named = {FIRST_PHOTO: tables.photos.object, "chart": tables.photos.chart}
+    named = {captured.FIRST_PHOTO: tables.photos.object, "chart": tables.photos.chart}
     for name, view in tables.views.items():
         named |= {name: view.photo, f"{name} chart": view.chart}
     return {role: next(iter(shoot.by_band(photo).values()))[0] for role, photo in named.items()
@@ -138,12 +135,12 @@ def mark_faults(config: SessionConfig, kind: str, name: str, photos: PhotoViews)
                 captures.read_light(config.inputs, view.light)
                 if view.filter is not None:
                     captures.read_filter(config.inputs, view.filter)
-                photo_size(config.path(view.photo_files[0]))
+                linear.photo_size(config.path(view.photo_files[0]))
         elif kind == "chart corners":
             _chart(config)
         elif kind == "box corners":
             scene_of(captures.stated_scene(config, config.inputs))
-    except SpectraboxError as error:
+    except errors.SpectraboxError as error:
         return list(error.faults)
     return []
 
@@ -159,8 +156,8 @@ def _region_faults(config: SessionConfig, name: str, photos: PhotoViews) -> None
             continue
         # of several files a shorter exposure may hold what is clipped
         saturated = photos.clipped(file) if len(files) == 1 else np.zeros(photo.signal.shape, bool)
-        region_pixels(saturated, photo.step, np.array(region.outline(), dtype=float),
-                      f"photo {file.path.name}: region {name!r}")
+        regions.region_pixels(saturated, photo.step, np.array(region.outline(), dtype=float),
+                              f"photo {file.path.name}: region {name!r}")
 
 
 def _chart(config: SessionConfig) -> None:
@@ -168,6 +165,6 @@ def _chart(config: SessionConfig) -> None:
     if config.chart.corners_px is None or capture is None or not capture.views[0].chart:
         return
     view = capture.views[0]
-    chart = readable(develop, capture, view.chart)
+    chart = readable(opened_photos.develop, capture, view.chart)
     if chart is not None:
         require_chart(capture, view, chart[0])

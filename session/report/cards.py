@@ -15,9 +15,7 @@ from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.measure.surfaces.colour_comparison import LIGHTS, MetamerPair
 from spectrabox.radiometry.findings import Finding
 from spectrabox.sampling.prior import family_coverage
-from spectrabox.session.report import spectra
-from spectrabox.session.report.figures import error_budget_bars
-from spectrabox.session.report.svg import figure
+from spectrabox.session.report import figures, spectra, svg
 
 WIDTH, HEIGHT = 300, 90         # of the drawing, in its own unit
 COLOURS = ("#1f4e8c", "#b3261e")
@@ -29,7 +27,7 @@ def metamer_facts(pair: MetamerPair) -> dict[str, Any]:
             "delta_e00": dict(zip(LIGHTS, pair.delta_e00.tolist(), strict=True))}
 
 
-@figure("spectra that look alike")
+@svg.figure("spectra that look alike")
 def metamer_drawing(pair: MetamerPair) -> Markup:
     """Both spectra as a small drawing: 0 to 1 upwards, the wavelengths of their grid across."""
     nm = pair.grid.nm
@@ -123,7 +121,7 @@ def _card(number: int, index: int, surface: SurfaceResult, doubts: tuple[str, ..
     return Card(
         f"material-{number}", index, surface, doubts,
         spectra.spectrum_figure(f"spectrum-{number}", surface),
-        error_budget_bars(f"budget-{number}", surface),
+        figures.error_budget_bars(f"budget-{number}", surface),
         None if pair is None else metamer_drawing(pair), tuple(curves),
         spectra.every_10_nm(surface.nm, curves), advice,
         tuple(one for one in _assumptions(surface) if one not in common and one not in of_draws))

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from markupsafe import Markup, escape
 
-from spectrabox.measure import plots
+from spectrabox.measure import plots, words
 from spectrabox.measure.results import flat_result, surface_result
-from spectrabox.measure.words import SUPERSCRIPT, fixed, number
+from spectrabox.measure.words import fixed
 from spectrabox.radiometry.grid import WavelengthGrid
 from spectrabox.session.report import pictures, svg
 from spectrabox.session.report.spectra import css_colour
@@ -114,10 +114,10 @@ def loss_figure(name: str, history: np.ndarray) -> Markup | None:
         plot.y_axis("Loss", decades, [power_of_ten(10.0**decade) for decade in decades])
     else:
         ticks = svg.nice_ticks(low - margin, high + margin, 5)
-        plot.y_axis("Loss", ticks, [number(float(10**tick if positive else tick), 3)
+        plot.y_axis("Loss", ticks, [words.number(float(10**tick if positive else tick), 3)
                                     for tick in ticks])
     plot.line(steps, height, "#1f4e8c", 1.3, stated=history)
-    start, end = number(float(history[0]), 3), number(float(history[-1]), 3)
+    start, end = words.number(float(history[0]), 3), words.number(float(history[-1]), 3)
     digits = int(np.clip(4 - np.floor(np.log10(max(float(np.abs(history).min()), 1e-12))), 3, 14))
     plot.readout(steps.astype(float), {"loss": history}, "Iteration", "", digits)
     return plot.drawn("Loss history", f"The loss fell from {start} to {end}.")
@@ -125,7 +125,7 @@ def loss_figure(name: str, history: np.ndarray) -> Markup | None:
 
 def power_of_ten(value: float) -> str:
     """A power of ten as a tick label."""
-    return "10" + str(round(np.log10(value))).translate(SUPERSCRIPT)
+    return "10" + str(round(np.log10(value))).translate(words.SUPERSCRIPT)
 
 
 # ---- small drawings that need no axes ------------------------------------------------------------

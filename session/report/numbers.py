@@ -14,7 +14,6 @@ from spectrabox.measure.results import (
     scene_result,
     surface_result,
 )
-from spectrabox.measure.rules import chart_residuals
 from spectrabox.radiometry.records.scenes import SceneGeometry, SurfaceAgreement
 from spectrabox.radiometry.records.spectra import SpectrumSamples
 from spectrabox.sampling.prior.family_coverage import coverage_facts
@@ -157,7 +156,7 @@ def _agreement(agreement: SurfaceAgreement) -> list[dict[str, Any]]:
 def _calibration(result: capture_result.CaptureResult,
                  truth: tuple[np.ndarray, np.ndarray] | None) -> dict[str, Any]:
     calibration, light = result.calibration, result.calibration.light_posterior
-    residuals = chart_residuals(result)
+    residuals = rules.chart_residuals(result)
     return {
         "sensitivity": _fields(calibration.sensitivity, "curves", "standard_error", "residuals",
                                "held_out_residuals", "condition_number", "method", "outcome"),

@@ -7,20 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.measure.signals.sample import measurement_of_signal
-from spectrabox.measure.signals.signal_capture import (
-    SignalCapture,
-    of_colours,
-    of_curves,
-)
-from spectrabox.radiometry.findings import Finding
-from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.measure.signals.signal_capture import SignalCapture, of_colours, of_curves
+from spectrabox.radiometry import findings, grid
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra import named_spectra, spectrum_files
 from spectrabox.radiometry.spectra.cameras import stated_curve_error
 from spectrabox.sampling.prior import mixture
 from spectrabox.session.commands.requests import MeasuredSignal
-from spectrabox.session.signals import signal_options
-from spectrabox.session.signals.measurement_file import further_measurements
+from spectrabox.session.signals import measurement_file, signal_options
 
 
 def signal_capture(measured: MeasuredSignal, signals: Path | None, colour: tuple[str, str] | None,
@@ -42,16 +36,16 @@ def signal_capture(measured: MeasuredSignal, signals: Path | None, colour: tuple
     InputError
         If an option or a file cannot be read.
     """
-    response = named_spectra.relative_response(sensitivity, light, FINE_GRID)
+    response = named_spectra.relative_response(sensitivity, light, grid.FINE_GRID)
     names, bands = named_spectra.named_curves(sensitivity)[2], len(response)
     white = signal_options.optional_numbers(measured.white, bands, "white")
     reflected = None
     if twice is not None:
         signal, error = signal_options.signal_and_noise(twice, bands, "twice")
         reflected = measurement_of_signal(response, signal, white, error)
-    more = further_measurements(measured, sensitivity, response, white)
+    more = measurement_file.further_measurements(measured, sensitivity, response, white)
     noise = signal_options.optional_noise(measured.noise, bands)
-    origin: tuple[Finding, ...] = ()
+    origin: tuple[findings.Finding, ...] = ()
     if colour is not None:
         seen, rounding = signal_options.colour_signal(*colour, light)
         named, noise = {"": seen}, rounding if noise is None else noise

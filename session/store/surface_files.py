@@ -18,8 +18,7 @@ from spectrabox.capture.photo.image_writers import write_exr, write_png
 from spectrabox.measure.pictures import texture_files
 from spectrabox.measure.records import SampleRecords
 from spectrabox.measure.results import capture_result, scene_result, surface_result
-from spectrabox.radiometry import appearance, errors, grid
-from spectrabox.radiometry.files import whole_file, writable, write_text_whole
+from spectrabox.radiometry import appearance, errors, files, grid
 from spectrabox.radiometry.records import scenes, spectra
 from spectrabox.radiometry.spectra.formats import delimited, tm27
 from spectrabox.radiometry.system.words import cell, file_stem
@@ -84,7 +83,7 @@ def write_draws(path: Path, draws: dict[str, tuple[np.ndarray, np.ndarray]]) -> 
             f"{path.name} would have {rows} rows; take fewer --samples, a wider "
             "--step, "
             "or .npz")
-    with whole_file(path) as unfinished:
+    with files.whole_file(path) as unfinished:
         {".npz": _npz, ".csv": _csv, ".parquet": _parquet}[path.suffix.lower()](unfinished, draws)
 
 
@@ -147,10 +146,10 @@ def write_surface_files(result: capture_result.CaptureResult, folder: Path,
         Every file.
     """
     texts = _texts(result, folder, title)
-    with writable(folder):
+    with files.writable(folder):
         (folder / "spdx").mkdir(exist_ok=True)
     for path, text in texts.items():
-        write_text_whole(path, text)
+        files.write_text_whole(path, text)
     return [*texts]
 
 
@@ -177,7 +176,7 @@ def write_materials(result: scene_result.SceneResult, folder: Path, bsdfs: Mappi
     file = folder / "materials.xml"
     textures = {} if scene is None or result.picture is None else texture_files.textures_of(
         result.picture.files, scene.surfaces, pictures)
-    write_text_whole(
+    files.write_text_whole(
         file, scene_xml.materials_xml(*scene_result.bsdf_reflectances(result, bsdfs), scene,
                                       folder, textures))
     return file

@@ -9,19 +9,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spectrabox.api import arguments, shoot_arguments
+from spectrabox.api import arguments, photo, shoot_arguments
 from spectrabox.api.chart_check import ChartCheck
 from spectrabox.api.colour_profile import ColourProfile, MatrixComparison, profile_of
-from spectrabox.api.photo import Photo, open_photo
-from spectrabox.calibrate import chart_findings
-from spectrabox.calibrate.doubts import LightEvidence
+from spectrabox.calibrate import chart_findings, doubts
 from spectrabox.measure import camera, plots
 from spectrabox.measure.profiles.camera_profile import compare_matrices
 from spectrabox.radiometry import chart, errors, files
 from spectrabox.radiometry.findings import Finding
+from spectrabox.radiometry.records import photos, spectra
 from spectrabox.radiometry.records.calibration import Calibration
-from spectrabox.radiometry.records.photos import LinearImage
-from spectrabox.radiometry.records.spectra import Quantity, default_band_names
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.radiometry.system.threads import one_blas_thread
 from spectrabox.reconstruct.rendering.renderer import threads_given_back
@@ -60,7 +57,7 @@ class CameraEstimate:
 
     fit: camera.CameraFit
     bands: tuple[str, ...]
-    photo: LinearImage | None
+    photo: photos.LinearImage | None
     layout: chart.Chart
 
     @property
@@ -105,7 +102,7 @@ class CameraEstimate:
         return self.fit.says
 
     @property
-    def light_evidence(self) -> tuple[LightEvidence, ...]:
+    def light_evidence(self) -> tuple[doubts.LightEvidence, ...]:
         """What the chart says for and against each light that was stated: ``stated``, ``against``
         (in nats; negative speaks for it), ``contradicts``, ``kinds`` with their ``probabilities``
         by the chart alone.
@@ -215,7 +212,7 @@ class CameraEstimate:
         target = files.in_folder(path)
         files.write_text_whole(
             target,
-            table_text(self.nm, self.fit.columns(), quantity=Quantity.RELATIVE,
+            table_text(self.nm, self.fit.columns(), quantity=spectra.Quantity.RELATIVE,
                        source=self.fit.source))
         return target
 
@@ -229,8 +226,8 @@ class CameraEstimate:
 
 @threads_given_back()
 @one_blas_thread()
-def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo] | None = None, *,
-               patches: ArrayLike | str | Path | None = None,
+def fit_camera(charts: str | Path | photo.Photo | Sequence[str | Path | photo.Photo] | None = None,
+               *, patches: ArrayLike | str | Path | None = None,
                patch_errors: ArrayLike | None = None,
                light: arguments.LightLike | list[arguments.LightLike],
                layout: str | Path | chart.Chart | None = None, reference: str | None = None,
@@ -291,7 +288,7 @@ def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo] | None 
     >>> same = sb.fit_camera(patches=chart.mean, patch_errors=chart.standard_error,
     ...                      light="mybox/spectra/light.csv")
     """
-    given = [charts] if isinstance(charts, str | Path | Photo) else list(charts or ())
+    given = [charts] if isinstance(charts, str | Path | photo.Photo) else list(charts or ())
     if bool(given) == (patches is not None):
         raise errors.InputError("give either photos of a chart or patches=")
     lights = light if isinstance(light, list) else [light]
@@ -299,7 +296,7 @@ def fit_camera(charts: str | Path | Photo | Sequence[str | Path | Photo] | None 
         raise errors.InputError(
             f"{len(lights)} lights were given for {len(given)} photos; give one for "
             "each photo or one for all")
-    photos = [one if isinstance(one, Photo) else open_photo(one) for one in given]
+    photos = [one if isinstance(one, photo.Photo) else photo.open_photo(one) for one in given]
     stated = []
     for one in lights:
         tables = shoot_arguments.Arguments()
@@ -338,5 +335,5 @@ def _given_patches(patches: ArrayLike | str | Path, patch_errors: ArrayLike | No
             raise errors.InputError(f"patch_errors of shape {error.shape} were given; give "
                                     f"standard errors {signal.shape} of 0 or more")
     return camera_files.signals_of_patches(
-        "the array of patches", signal, error, default_band_names(signal.shape[1]),
+        "the array of patches", signal, error, spectra.default_band_names(signal.shape[1]),
         np.zeros(signal.shape))

@@ -11,12 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from spectrabox.measure.plots import plot_matrices
-from spectrabox.measure.profiles.camera_profile import ComparedMatrices
-from spectrabox.measure.profiles.colour_profile import (
-    ColourError,
-    colour_profile,
-    response_of_calibration,
-)
+from spectrabox.measure.profiles import camera_profile, colour_profile
 from spectrabox.measure.profiles.colour_profile import ColourProfile as Profile
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.profile_files import FORMS, write_profile
@@ -51,7 +46,7 @@ class ColourProfile:
     profile: Profile
 
     @property
-    def errors(self) -> dict[str, dict[str, ColourError]]:
+    def errors(self) -> dict[str, dict[str, colour_profile.ColourError]]:
         """CIEDE2000 to expect, by transform ("matrix", "table", and "camera's own matrix" where the
         photo's file has one) and by set of surfaces; spreads are those by the calibration's errors.
         """
@@ -130,7 +125,7 @@ class MatrixComparison:
     >>> matrices.plot()
     """
 
-    compared: ComparedMatrices
+    compared: camera_profile.ComparedMatrices
 
     def facts(self) -> list[dict[str, object]]:
         """A row for each matrix, as numbers.
@@ -186,5 +181,5 @@ def profile_of(calibration: Calibration, families: tuple[str, ...],
     if len(calibration.sensitivity.curves) != 3:
         raise InputError(f"the camera has {len(calibration.sensitivity.curves)} bands; a colour "
                          "profile is of three: R, G and B")
-    response, draws = response_of_calibration(calibration)
-    return ColourProfile(colour_profile(response, draws, families, camera_from_xyz))
+    response, draws = colour_profile.response_of_calibration(calibration)
+    return ColourProfile(colour_profile.colour_profile(response, draws, families, camera_from_xyz))

@@ -11,22 +11,20 @@ from markupsafe import Markup
 
 from spectrabox.measure import conditions, estimate, plots
 from spectrabox.measure.advice.advice import Advice
-from spectrabox.measure.estimate import Estimate
 from spectrabox.measure.results.capture_result import CaptureResult
 from spectrabox.measure.surfaces.colour_comparison import ColourComparison, compare_colours
 from spectrabox.measure.surfaces.surface_signals import alone
 from spectrabox.radiometry.findings import Finding
-from spectrabox.radiometry.records.calibration import Calibration
-from spectrabox.radiometry.records.spectra import SurfaceSignals
+from spectrabox.radiometry.records import calibration, spectra
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from xarray import Dataset
 
-SpectrumEstimate = Estimate     # as the library calls it
+SpectrumEstimate = estimate.Estimate  # as the library calls it
 
 
-class SpectrumEstimates(Mapping[str, Estimate]):
+class SpectrumEstimates(Mapping[str, estimate.Estimate]):
     """Estimates by the name of their surface, in their order; also by number.
 
     Parameters
@@ -47,15 +45,15 @@ class SpectrumEstimates(Mapping[str, Estimate]):
     >>> many.to_xarray(draws=100)
     """
 
-    def __init__(self, estimates: Sequence[Estimate]) -> None:
+    def __init__(self, estimates: Sequence[estimate.Estimate]) -> None:
         self._estimates = {one.name: one for one in estimates}
 
     @overload
-    def __getitem__(self, name: str) -> Estimate: ...
+    def __getitem__(self, name: str) -> estimate.Estimate: ...
     @overload
-    def __getitem__(self, name: int) -> Estimate: ...
+    def __getitem__(self, name: int) -> estimate.Estimate: ...
 
-    def __getitem__(self, name: str | int) -> Estimate:
+    def __getitem__(self, name: str | int) -> estimate.Estimate:
         if isinstance(name, int):
             return list(self._estimates.values())[name]
         if name not in self._estimates:
@@ -172,14 +170,14 @@ class MeasuredSpectra(SpectrumEstimates):
     >>> result.facts()["regions"][0]["band_width"]
     """
 
-    def __init__(self, result: CaptureResult, signals: SurfaceSignals) -> None:
+    def __init__(self, result: CaptureResult, signals: spectra.SurfaceSignals) -> None:
         super().__init__([
             dataclasses.replace(surface, advise=partial(advice_of, result, surface.name))
             for surface in result.surfaces
         ])
         self.found = result
         self.signals = signals
-        self.calibration: Calibration = result.calibration
+        self.calibration: calibration.Calibration = result.calibration
         self.notes: tuple[str, ...] = tuple(result.warnings)
 
     @property

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from spectrabox.measure import plots
-from spectrabox.radiometry.files import in_folder, write_text_whole
-from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry import files, grid
 from spectrabox.radiometry.published import published_tables
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra import light_words, named_spectra, spectrum_files
@@ -86,8 +85,8 @@ class KnownCamera:
         EnvironmentProblem
             If the file cannot be written; an older one is left as it was.
         """
-        target = in_folder(path)
-        write_text_whole(target, spectrum_files.table_text(
+        target = files.in_folder(path)
+        files.write_text_whole(target, spectrum_files.table_text(
             self.nm, dict(zip(self.bands, self.curves, strict=True)), quantity=Quantity.RELATIVE,
             source=self.name))
         return target
@@ -173,6 +172,6 @@ def lights() -> tuple[str, ...]:
     """
     covering = [name for name, (nm, _) in
                 published_tables.all_published(published_tables.LIGHTS).items()
-                if nm[0] <= FINE_GRID.nm[0] and nm[-1] >= FINE_GRID.nm[-1]]
+                if nm[0] <= grid.FINE_GRID.nm[0] and nm[-1] >= grid.FINE_GRID.nm[-1]]
     first = covering.index("A")         # the illuminants of the CIE are the end of the table
     return (*covering[first:], *covering[:first], *light_words.LIGHT_KINDS, light_words.UNKNOWN)

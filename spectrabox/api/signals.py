@@ -16,9 +16,8 @@ from spectrabox.measure.estimate import Estimate
 from spectrabox.measure.signals import matching, signal_capture
 from spectrabox.measure.signals.options import SampleOptions
 from spectrabox.measure.signals.sample import sample_signals
-from spectrabox.radiometry.appearance import rounding_of_srgb, signal_of_colour, signal_of_srgb
+from spectrabox.radiometry import appearance, findings
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.spectra.given_spectra import KnownSpectrum, as_reflectance
 from spectrabox.radiometry.system.threads import one_blas_thread
 from spectrabox.sampling.evaluation.identification import VARIATION, read_spectral_libraries
@@ -102,7 +101,7 @@ def sample(signals: ArrayLike | None = None, *, camera: arguments.CameraLike | N
     >>> leaf = sb.sample(lab=[45, -27, 30])
     >>> orange = sb.sample(srgb="#e08030")
     """
-    origin: tuple[Finding, ...] = ()
+    origin: tuple[findings.Finding, ...] = ()
     if lab is not None or xyz is not None or srgb is not None:
         if signals is not None or camera is not None:
             raise InputError("a colour is what the CIE observer sees; leave signals and camera out")
@@ -116,21 +115,21 @@ def sample(signals: ArrayLike | None = None, *, camera: arguments.CameraLike | N
                 raise InputError("srgb= is a colour under D65; leave light out")
             light = "D65"
             values, rounded = arguments.as_code_values(srgb, "srgb")
-            signals = signal_of_srgb(values)
+            signals = appearance.signal_of_srgb(values)
             origin = signal_capture.of_colours("srgb", 255 * values)
             if rounded and noise is None:
-                noise = rounding_of_srgb(values).reshape(-1, 3).max(axis=0)
+                noise = appearance.rounding_of_srgb(values).reshape(-1, 3).max(axis=0)
         else:
             light = "D65" if light is None else light
             if not isinstance(light, str):
                 raise InputError("the light of a colour is given by its CIE name, such as 'D65' "
                                  "or 'A'")
             if lab is not None:
-                signals = signal_of_colour(light, lab=arguments.as_numbers(lab, "lab"))
+                signals = appearance.signal_of_colour(light, lab=arguments.as_numbers(lab, "lab"))
             else:
                 assert xyz is not None
                 stated = arguments.as_numbers(xyz, "xyz")
-                signals = signal_of_colour(light, xyz=stated)
+                signals = appearance.signal_of_colour(light, xyz=stated)
                 origin = signal_capture.of_colours("xyz", stated)
     if signals is None or camera is None or light is None:
         raise InputError("signals need the camera that saw them and their light (camera=, light=); "

@@ -15,11 +15,9 @@ from types import MappingProxyType
 
 import numpy as np
 
+from spectrabox.capture.meter import serial_line, stated
 from spectrabox.capture.meter.instruments import instrument_errors, interface
-from spectrabox.capture.meter.serial_line import LineSettings, shown
-from spectrabox.capture.meter.stated import Stated
-from spectrabox.radiometry.appearance import lab_from_xyz
-from spectrabox.radiometry.errors import InputError
+from spectrabox.radiometry import appearance, errors
 from spectrabox.radiometry.published import published_tables
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
@@ -52,7 +50,7 @@ class Cr30(interface.Instrument):
 
     name = "cr30"
     family = "CR30"
-    line_settings = LineSettings(9600)
+    line_settings = serial_line.LineSettings(9600)
     errors = MappingProxyType({})
     quantities = (Quantity.REFLECTANCE,)
     checks_bytes = True
@@ -61,8 +59,8 @@ class Cr30(interface.Instrument):
 
     def settings(self, wanted: interface.MeterSettings) -> None:
         if wanted != interface.MeterSettings():
-            raise InputError("a CR30 has no exposure, averages or sync to set: leave out "
-                             "--integration-ms, --averages and --sync-hz, and use --repeat")
+            raise errors.InputError("a CR30 has no exposure, averages or sync to set: leave out "
+                                    "--integration-ms, --averages and --sync-hz, and use --repeat")
 
     def calibrate(self, which: str) -> None:
         command, _ = CALIBRATIONS[which]
@@ -106,8 +104,8 @@ class Cr30(interface.Instrument):
             raise instrument_errors.UntrustedReadingError(
                 f"{self.line.name}: reflectances from {reflectance.min():.3g} to "
                 f"{reflectance.max():.3g} arrived, which cannot be; calibrate, then measure again")
-        return interface.HeldResult(BANDS_NM, reflectance, Quantity.REFLECTANCE, Stated(), None,
-                          tuple(packet.hex() for packet in packets),
+        return interface.HeldResult(BANDS_NM, reflectance, Quantity.REFLECTANCE, stated.Stated(),
+                                    None, tuple(packet.hex() for packet in packets),
                           lab=display_lab(reflectance))
 
     def _enter(self) -> None:
@@ -139,7 +137,7 @@ class Cr30(interface.Instrument):
                        if not (is_packet(waiting[at:at + PACKET_BYTES])
                                and waiting[at:at + 3] == HEADER)]:
             raise instrument_errors.LineFaultError(
-                f"{self.line.name}: the instrument sent {shown(presses[0])} "
+                f"{self.line.name}: the instrument sent {serial_line.shown(presses[0])} "
                 "unasked; check that no other program uses this port, then "
                 "measure again")
         self.line.write(request(command))
@@ -152,7 +150,7 @@ class Cr30(interface.Instrument):
         if not is_packet(packet) or not packet.startswith(start):
             self.line.drain(0.1)
             raise instrument_errors.LineFaultError(
-                f"{self.line.name}: {shown(packet.rstrip(bytes(1)))} is no answer "
+                f"{self.line.name}: {serial_line.shown(packet.rstrip(bytes(1)))} is no answer "
                 f"to {start.hex(' ')}: its check byte or its beginning is wrong; "
                 "check the cable, then measure again")
         return packet
@@ -190,7 +188,7 @@ def display_lab(reflectance: np.ndarray) -> tuple[float, float, float]:
     reflectance : (31,) array
         At 400 to 700 nm in steps of 10 nm.
     """
-    lightness, a, b = lab_from_xyz(_display_weights() @ reflectance, DISPLAY_WHITE)
+    lightness, a, b = appearance.lab_from_xyz(_display_weights() @ reflectance, DISPLAY_WHITE)
     return float(lightness), float(a), float(b)
 
 

@@ -10,9 +10,8 @@ import re
 
 import numpy as np
 
+from spectrabox.capture.meter import serial_line, stated
 from spectrabox.capture.meter.instruments import instrument_errors, interface
-from spectrabox.capture.meter.serial_line import LineSettings
-from spectrabox.capture.meter.stated import printed, stated_by_xyz
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
 
@@ -46,7 +45,7 @@ class Cs2000(interface.Instrument):
 
     name = "cs2000"
     family = "Konica Minolta CS-2000"
-    line_settings = LineSettings(115200, rtscts=True)
+    line_settings = serial_line.LineSettings(115200, rtscts=True)
     errors = ERRORS
     announced = False                   # the duration of the measurement under way
 
@@ -114,7 +113,7 @@ class Cs2000(interface.Instrument):
                 "measure again")
         cells = colours.split(",")
         return interface.HeldResult(NM, np.array(values), Quantity.RADIANCE,
-                          stated_by_xyz(cells[2:5], power=printed(cells[0])),
+                          stated.stated_by_xyz(cells[2:5], power=stated.printed(cells[0])),
                           int(exposure_us[1]) / 1000, (conditions, *blocks, colours))
 
     def stop(self) -> None:

@@ -24,8 +24,7 @@ import numpy as np
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import Quantity
-from spectrabox.radiometry.spectra.formats import measurement_table, text_table, units
-from spectrabox.radiometry.spectra.formats.cgats import BAND
+from spectrabox.radiometry.spectra.formats import cgats, measurement_table, text_table, units
 from spectrabox.radiometry.system import words
 
 METADATA = "-metadata.json"     # of a plain CSV (formats/csvw.py)
@@ -324,7 +323,7 @@ def _wavelengths_across(lines: list[str]) -> tuple[tuple[str, ...], np.ndarray, 
             if delimiter != text_table.BLANKS and line.count(delimiter) < MIN_ACROSS:
                 continue
             header = text_table.cells_of(line, delimiter)
-            labels = [BAND.fullmatch(cell) for cell in header]
+            labels = [cgats.BAND.fullmatch(cell) for cell in header]
             first = next((at for at, label in enumerate(labels) if label), 0)
             if first == 0 or np.isfinite(text_table.number(header[0])):
                 continue

@@ -12,8 +12,7 @@ import numpy as np
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import whole_file, write_text_whole
 from spectrabox.radiometry.records.spectra import Quantity
-from spectrabox.radiometry.spectra.formats import measurement_table, units
-from spectrabox.radiometry.spectra.formats.delimited import envi_header_of, envi_values_of
+from spectrabox.radiometry.spectra.formats import delimited, measurement_table, units
 
 DATA_TYPES = {1: "u1", 2: "i2", 3: "i4", 4: "f4", 5: "f8", 12: "u2", 13: "u4", 14: "i8", 15: "u8"}
 ITEM = re.compile(r"^[ \t]*([A-Za-z][\w \t()-]*?)[ \t]*=[ \t]*(?:\{([^}]*)\}|(.*))$", re.MULTILINE)
@@ -154,12 +153,12 @@ def _table(keys: dict[str, str], values: np.ndarray, name: str,
 
 def _both_files(content: bytes, path: Path) -> tuple[Path, bytes, str]:
     if not is_envi_header(content):
-        header = envi_header_of(path)
+        header = delimited.envi_header_of(path)
         if header is None:
             raise InputError(f"{path.name} is the binary half of an ENVI library; put its header "
                              f"{path.stem}.hdr beside it")
         return header, content, path.name
-    if (data := envi_values_of(path)) is None:
+    if (data := delimited.envi_values_of(path)) is None:
         raise InputError(f"{path.name} is the header of an ENVI library; put its values "
                          f"{path.stem}.sli beside it")
     return path, measurement_table.file_content(data), data.name

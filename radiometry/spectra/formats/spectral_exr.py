@@ -11,15 +11,8 @@ import numpy as np
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import require_utf8_name
 from spectrabox.radiometry.records.spectra import Quantity
+from spectrabox.radiometry.spectra import spectral_layers
 from spectrabox.radiometry.spectra.formats.measurement_table import MAX_VALUES, SpectralTable
-from spectrabox.radiometry.spectra.spectral_layers import (
-    LIGHT,
-    QUANTITY,
-    REFLECTANCE,
-    UNIT,
-    UNITS,
-    spectral_layers,
-)
 from spectrabox.radiometry.system.words import reason_of
 
 MAGIC = b"\x76\x2f\x31\x01"
@@ -40,8 +33,8 @@ def read_spectral_exr(content: bytes, path: Path) -> SpectralTable:
     InputError
     """
     pixels, names, facts, parts = _opened(path)
-    kind, layers = spectral_layers(names, first=LIGHT)
-    if not layers or kind not in (LIGHT, REFLECTANCE, ""):
+    kind, layers = spectral_layers.spectral_layers(names, first=spectral_layers.LIGHT)
+    if not layers or kind not in (spectral_layers.LIGHT, spectral_layers.REFLECTANCE, ""):
         raise InputError(f"{path.name} is an ordinary EXR picture ({', '.join(names[:4])}), not a "
                          "spectral one; a spectral one has channels such as S0.560nm or T.560nm")
     values = pixels[:, [index for _, index in layers]].astype(float)
@@ -74,7 +67,8 @@ def _opened(path: Path) -> tuple[np.ndarray, list[str], dict[str, str], int]:
             raise InputError(f"{path.name}: {spec.width} x {spec.height} pixels in "
                              f"{spec.nchannels} channels are more than is read here; crop it")
         names = list(spec.channelnames)
-        facts = {name: spec.get_string_attribute(name) for name in (UNIT, QUANTITY)}
+        facts = {name: spec.get_string_attribute(name) for name in (spectral_layers.UNIT,
+                                                                    spectral_layers.QUANTITY)}
         parts = max(spec.get_int_attribute("oiio:subimages", 1), 1)
         pixels = file.read_image("float")
         if pixels is None or file.has_error:
@@ -104,17 +98,18 @@ def _table(nm: np.ndarray, values: np.ndarray, kind: str, facts: dict[str, str],
 def _quantity(kind: str, facts: dict[str, str],
               notes: list[str]) -> tuple[dict[str, str], list[str]]:
     """Quantity and unit as facts, and the notes with what was taken for granted."""
-    units, stated = facts[UNIT].lower(), facts[QUANTITY]
+    units, stated = facts[spectral_layers.UNIT].lower(), facts[spectral_layers.QUANTITY]
     if stated.upper() in Quantity.__members__:
         return {"quantity": stated, "unit": Quantity[stated.upper()].value}, notes
     if stated:
         return {"quantity": stated}, notes
-    if kind == REFLECTANCE:
+    if kind == spectral_layers.REFLECTANCE:
         return {"quantity": "reflectance", "unit": "1"}, notes
     per_nm = units.endswith(PER_NM)
     plain = next((units.removesuffix(end) for end in PER_NM if units.endswith(end)),
                  units).replace(" ", ".").replace("m-2", "m^-2").replace("sr-1", "sr^-1")
-    quantity = next((each for each, unit in UNITS.items() if unit.lower() == plain), None)
+    quantity = next((each for each, unit in spectral_layers.UNITS.items() if unit.lower() == plain),
+                    None)
     if quantity is None:
         return ({"unit": units} if units else {}), notes
     if not per_nm:
