@@ -13,11 +13,9 @@ from typer.main import get_command
 
 import spectrabox
 from spectrabox.session.commands import (
-    advise,
     batch,
     camera,
     capture,
-    filters,
     finished,
     flat,
     geometry,
@@ -32,8 +30,8 @@ from spectrabox.session.terminal import command_help, command_line, progress_dis
 app = command_help.Commands(name="spectrabox", pretty_exceptions_enable=False,
                             rich_markup_mode=None,
                             context_settings={"help_option_names": ["-h", "--help"]})
-for subject in (session, batch, flat, advise, finished, capture, geometry, camera, sampling, meter,
-                spectrum, filters):
+for subject in (session, batch, flat, finished, capture, geometry, camera, sampling, meter,
+                spectrum):
     subject.register(app)
 
 

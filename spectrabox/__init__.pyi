@@ -1,5 +1,4 @@
 """The public names of spectrabox."""
-from .api.advise import advise as advise
 from .api.camera import CameraEstimate as CameraEstimate
 from .api.camera import fit_camera as fit_camera
 from .api.chart_check import ChartCheck as ChartCheck
@@ -25,6 +24,7 @@ from .api.pictures import uplift as uplift
 from .api.scene import SceneSpectra as SceneSpectra
 from .api.scene import reconstruct_scene as reconstruct_scene
 from .api.session import Session as Session
+from .api.session import advise as advise
 from .api.shape import ShapeSpectra as ShapeSpectra
 from .api.shape import fit_shape as fit_shape
 from .api.signals import match as match

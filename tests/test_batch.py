@@ -24,7 +24,6 @@ from inline_workers import inline_workers
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.session.batch import overview
-from spectrabox.session.batch.batch import kept_outcomes, run_batch, session_folders
 from spectrabox.session.batch.executors import open_processes
 from spectrabox.session.batch.overview import (
     BatchProgress,
@@ -37,7 +36,13 @@ from spectrabox.session.batch.overview import (
     stored_outcome,
     write_page,
 )
-from spectrabox.session.batch.tasks import PeakMemory, Task
+from spectrabox.session.batch.tasks import (
+    PeakMemory,
+    Task,
+    kept_outcomes,
+    run_batch,
+    session_folders,
+)
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.outputs.run_outputs import rewritten_outputs
 from spectrabox.session.pipeline import run_stages

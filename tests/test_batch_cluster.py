@@ -13,10 +13,10 @@ import pytest
 from batch_sessions import begun, kill_worker_at, order_of, results_of, write_session
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
-from spectrabox.session.batch.batch import kept_outcomes, run_batch
 from spectrabox.session.batch.executors import (
     open_processes,
 )
+from spectrabox.session.batch.tasks import kept_outcomes, run_batch
 from spectrabox.session.batch.workers import open_workers
 
 distributed = pytest.importorskip(

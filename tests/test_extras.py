@@ -22,9 +22,8 @@ from spectrabox.measure.regions.white import white_at_regions
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.spectra.spectrum_files import read_table
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
-from spectrabox.session.batch.batch import kept_outcomes, run_batch
 from spectrabox.session.batch.overview import batch_facts, batch_text, program_of_batch, write_page
-from spectrabox.session.batch.tasks import Order
+from spectrabox.session.batch.tasks import Order, kept_outcomes, run_batch
 
 from benchmarks.bench_extras import Tally, answers_of, drawn_case
 

@@ -12,8 +12,7 @@ from spectrabox.radiometry.files import names_a_file
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.published import published_tables
 from spectrabox.radiometry.records import spectra as spectral_records
-from spectrabox.radiometry.spectra import light_words, spectrum_files
-from spectrabox.radiometry.spectra.cameras import own_cameras
+from spectrabox.radiometry.spectra import cameras, light_words, spectrum_files
 from spectrabox.radiometry.system.words import known_name, nearest_words
 
 NEAR = "A (tungsten, 2856 K), D50 or D65 (daylight), FL11 (tubes), LED-B3"
@@ -84,7 +83,7 @@ def named_curves(name: str) -> tuple[str, np.ndarray, tuple[str, ...], np.ndarra
     InputError
         If there is neither such a file nor such a name, or they are products with a light.
     """
-    kept = own_cameras()
+    kept = cameras.own_cameras()
     own = known_name(name, kept)
     if names_a_file(name) or own is not None:
         path = Path(name) if own is None else kept[own]

@@ -39,14 +39,13 @@ def batch(
 ) -> command_line.Answer:
     """Run many sessions, several at a time, and write one page of all verdicts."""
     from spectrabox.session.batch import overview, tasks
-    from spectrabox.session.batch.batch import kept_outcomes, run_batch, session_folders
     from spectrabox.session.batch.workers import open_workers
     from spectrabox.session.store.locks import sole_user
     from spectrabox.session.terminal.progress_display import progress_display
-    order = tasks.Order(tuple(session_folders(folders, listed)), out.resolve(), device,
+    order = tasks.Order(tuple(tasks.session_folders(folders, listed)), out.resolve(), device,
                         allow_outside, overview.program_of_batch())
     with sole_user(order.out):
-        outcomes = kept_outcomes(order)
+        outcomes = tasks.kept_outcomes(order)
         kept, waiting = len(outcomes), [each for each in order.folders if each not in outcomes]
         used = 0
         try:
@@ -57,7 +56,7 @@ def batch(
                 used = pool.capacity().workers
                 progress = overview.BatchProgress(show, len(order.folders), kept,
                                                   not quiet and not sys.stderr.isatty())
-                for outcome in run_batch(order, waiting, pool):
+                for outcome in tasks.run_batch(order, waiting, pool):
                     outcomes[Path(outcome.folder)] = outcome
                     progress.add(outcome)
         finally:    # also of what is done when Ctrl-C ends it

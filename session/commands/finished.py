@@ -1,4 +1,6 @@
-"""Commands on finished sessions: other light, draws for other programs, rehearsal."""
+"""Commands on finished sessions: what to do next, other light, draws for other programs,
+rehearsal.
+"""
 from __future__ import annotations
 
 import dataclasses
@@ -8,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from spectrabox.session.commands import requests
 from spectrabox.session.terminal import command_line
 
 if TYPE_CHECKING:
@@ -17,8 +20,17 @@ if TYPE_CHECKING:
 
 def register(app: typer.Typer) -> None:
     """Add these commands to the command line."""
-    for function in (relight, colour, draws, rehearse):
+    for function in (advise, relight, colour, draws, rehearse):
         app.command()(function)
+
+
+@command_line.Command
+def advise(request: requests.AdviseRequest) -> command_line.Answer:
+    """Say what to do next, and how much narrower each would make the bands: of a finished
+    session, or of one signal.
+    """
+    from spectrabox.session.signals.advise_answer import advise_answer
+    return command_line.Answer(*advise_answer(request))
 
 
 @command_line.Command

@@ -109,7 +109,7 @@ def sample(
                          "--signal, not --signals")
     from spectrabox.measure.estimate import columns_of, draws_of
     from spectrabox.measure.signals.sample import compared, sample_signals
-    from spectrabox.session.signals.signal_capture import signal_capture, stated_truth
+    from spectrabox.session.signals.given_signals import signal_capture, stated_truth
     capture = signal_capture(
         measured, signals, colours[0] if colours else None, sensitivity or requests.OBSERVER,
         light or "D65", twice=twice, light_error=light_error, sensitivity_error=sensitivity_error,
@@ -138,7 +138,7 @@ def sample(
         else:
             write_arrays(out, draws_of(estimates))
     if plot is not None:
-        from spectrabox.session.signals.sample_plot import write_plot
+        from spectrabox.session.signals.given_signals import write_plot
         written["plot"] = plot
         write_plot(plot, estimates)
     if one:

@@ -1,7 +1,8 @@
-"""What the page of one session shows, and what it takes."""
+"""What the page of one session shows, and what it takes; the last report of its folder."""
 from __future__ import annotations
 
 import contextlib
+import json
 import threading
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -12,14 +13,15 @@ from spectrabox.measure.shoot import inputs, shoot
 from spectrabox.radiometry import chart, files
 from spectrabox.radiometry.errors import InputError, SpectraboxError
 from spectrabox.radiometry.system.words import plain, shortened
-from spectrabox.session.config.session_file import SessionConfig, session_of_text
+from spectrabox.session.config import session_file
 from spectrabox.session.kept_stages import stage_states
 from spectrabox.session.meters.page_meter import PageMeter
-from spectrabox.session.page import answers, last_report, live, marks, written_session
+from spectrabox.session.page import answers, live, marks, written_session
 from spectrabox.session.page.photo_views import PhotoFile, PhotoViews
 from spectrabox.session.page.run_control import RunControl
 from spectrabox.session.page.shooting import PHOTO_SUFFIXES, Shooting
 
+REPORT, NUMBERS = "report.html", "report.json"
 MARKED = ("marked.csv", "marked.spdx")      # spectra of what is marked now
 
 
@@ -49,7 +51,7 @@ class SessionPage:
         self.marks.read()
         self.run = run or RunControl(self.folder, ("--allow-outside",) if allow_outside else ())
         self.live = live.LiveSample(self.run, self.photos)
-        self.report = last_report.LastReport(self.folder)
+        self.report = LastReport(self.folder)
         self.meter = PageMeter(self.folder, meter_ports)
         self.shooting = None if watched is None else Shooting(watched.resolve(), self._chart())
         self._allow_outside = allow_outside
@@ -79,13 +81,13 @@ class SessionPage:
 
     def state(self) -> dict[str, Any]:
         """All that the page shows but for pixels."""
-        config: SessionConfig | None = None
+        config: session_file.SessionConfig | None = None
         try:
             text, digest = self.marks.read()
         except InputError as error:
             text, digest, problems = "", "", [str(error)]
         else:
-            config, problems = session_of_text(text, self.folder, self._allow_outside)
+            config, problems = session_file.session_of_text(text, self.folder, self._allow_outside)
         self.live.follow(config)
         live = self.live.state()
         tables = written_session.shown_tables(text)
@@ -179,13 +181,13 @@ class SessionPage:
         return path if self._allow_outside or path.is_relative_to(self.folder) else None
 
     def _chart(self) -> chart.Chart:
-        config, _ = session_of_text(self.marks.read()[0], self.folder)
+        config, _ = session_file.session_of_text(self.marks.read()[0], self.folder)
         try:
             return chart.CLASSIC if config is None else inputs.chart_of(config, config.inputs)
         except SpectraboxError:
             return chart.CLASSIC
 
-    def _stages(self, text: str, config: SessionConfig | None) -> list[dict[str, Any]]:
+    def _stages(self, text: str, config: session_file.SessionConfig | None) -> list[dict[str, Any]]:
         """States of the stages, looked at again where something may have changed."""
         now = (text, self.report.stamp(), self.run.running,
                tuple(self.run.state()["lines"][-1:]))
@@ -198,3 +200,51 @@ class SessionPage:
                                    "reasons": list(one.reasons)} for one in stage_states(config)]
                 self._states = (now, states)
             return self._states[1]
+
+
+class LastReport:
+    """The last report of a session.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the session.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.path = folder / REPORT
+        self._verdict: tuple[int | None, dict[str, Any] | None] = None, None
+
+    def stamp(self) -> int | None:
+        """When it was written, by which the page notices a new one; None where there is none."""
+        try:
+            return self.path.stat().st_mtime_ns // 1_000_000
+        except OSError:
+            return None
+
+    def verdict(self) -> dict[str, Any] | None:
+        """Its verdict with the reason, what it rests on, and the digest of the session.toml that
+        it was made from; None where there is none.
+        """
+        stamp = self.stamp()
+        if self._verdict[0] != stamp:
+            verdict = None
+            with contextlib.suppress(SpectraboxError, OSError, ValueError, KeyError,
+                                     TypeError, RecursionError):
+                numbers = json.loads(files.read_text(self.folder / NUMBERS))
+                verdict = {"status": str(numbers["verdict"]["status"]),
+                           "says": str(numbers["verdict"]["says"]),
+                           "conditions": list(numbers["conditions"]),
+                           "session": numbers["made_from"]["session"][session_file.FILE_NAME]}
+            self._verdict = stamp, verdict
+        return self._verdict[1]
+
+    def exports(self) -> dict[str, Path]:
+        """Files with spectra that it left, by name in the session."""
+        if self.stamp() is None:
+            return {}
+        paths = [self.folder / "spectra.csv", *sorted((self.folder / "spdx").glob("*.spdx")),
+                 *sorted((self.folder / "results" / "picture").glob("*.exr"))]
+        return {path.relative_to(self.folder).as_posix(): path for path in paths
+                if path.is_file() and path.resolve().is_relative_to(self.folder)}

@@ -1,6 +1,4 @@
-"""Signals given as options: as a capture, what to do next about them, and the picture of their
-spectra.
-"""
+"""What to do next: of a finished session, or of a signal given as options."""
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,4 +1,6 @@
-"""What the options of ``spectrabox sample`` say was measured, as a capture."""
+"""Signals given as options of ``spectrabox sample``: as a capture, and the picture of their
+spectra.
+"""
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -6,15 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
+from spectrabox.measure import estimate, plots
 from spectrabox.measure.signals.sample import measurement_of_signal
 from spectrabox.measure.signals.signal_capture import SignalCapture, of_colours, of_curves
-from spectrabox.radiometry import findings, grid
+from spectrabox.radiometry import files, findings, grid
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra import named_spectra, spectrum_files
 from spectrabox.radiometry.spectra.cameras import stated_curve_error
 from spectrabox.sampling.prior import mixture
 from spectrabox.session.commands.requests import MeasuredSignal
 from spectrabox.session.signals import measurement_file, signal_options
+
+PLOT_IN = (8.0, 4.5)      # inches
 
 
 def signal_capture(measured: MeasuredSignal, signals: Path | None, colour: tuple[str, str] | None,
@@ -78,3 +83,34 @@ def stated_truth(file: Path, column: str | None) -> np.ndarray:
     return spectrum_files.spectrum_on_grid(
         spectrum_files.spectrum_of(table, role=Quantity.REFLECTANCE, column=name),
         mixture.PRIOR_GRID)
+
+
+# ---- the picture of the spectra ------------------------------------------------------------------
+
+def write_plot(path: Path, estimates: Sequence[estimate.Estimate]) -> None:
+    """Draw the mean and the band of every signal.
+
+    Parameters
+    ----------
+    path : Path
+        Ends in .png.
+    estimates : sequence of Estimate
+    """
+    from matplotlib import color_sequences, style
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    with style.context("default"):      # not as a matplotlibrc of the working folder has it
+        figure = Figure(figsize=PLOT_IN, layout="constrained")
+        axes, top = figure.add_subplot(), np.zeros(estimates[0].nm.size)
+        for number, one in enumerate(estimates):
+            nm, colour = one.nm, color_sequences["tab10"][number % 10]
+            summary = one.summary
+            assert summary is not None, "behind a signal the spectrum is estimated"
+            top = np.maximum(top, summary.upper)
+            axes.fill_between(nm, summary.lower, summary.upper, color=colour, alpha=0.25, lw=0)
+            axes.plot(nm, one.mean, color=colour, lw=1.6,
+                      label=one.name or f"mean and {summary.level:.0%} band")
+        plots.frame_reflectance(axes, nm, top)
+        axes.legend(frameon=False, fontsize="small")
+        with files.whole_file(path) as unfinished:
+            FigureCanvasAgg(figure).print_png(str(unfinished))
