@@ -15,7 +15,7 @@ from test_sampling_uplift import painted
 
 from spectrabox.capture.photo.registration import resampled
 from spectrabox.measure.pictures import photo_white as references
-from spectrabox.measure.pictures import pixel_spectra, scene_light
+from spectrabox.measure.pictures import scene_light
 from spectrabox.measure.pictures.crop import Crop
 from spectrabox.measure.pictures.illumination import Illumination, adapted_signals, even_light
 from spectrabox.measure.pictures.lit_photo import GREY, LitPhoto
@@ -295,8 +295,7 @@ def test_a_mid_grey_errs_at_a_pixel_by_the_root_of_its_nodes_variance():
 
 def test_pixels_of_a_lit_photo_of_many_bands_are_those_computed_one_by_one(monkeypatch):
     """White is known to 0.5 % at the left and to 4 % at the right."""
-    for module in (local_posteriors, pixel_spectra):
-        monkeypatch.setattr(module, "MAX_CENTRES", 400)
+    monkeypatch.setattr(local_posteriors, "MAX_CENTRES", 400)
     monkeypatch.setattr(PixelErrors, "by_curves",
                         lambda self, signals, *_: np.zeros((*signals.shape, signals.shape[1])))
     matrix, (_, signals) = response(6)[1], painted(40 * 30, 6)
