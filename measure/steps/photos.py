@@ -77,9 +77,10 @@ def find_charts(capture: captured.Capture, records: CaptureRecords, work: Work) 
     return ChartRecords(charts, tuple(findings))
 
 
-def find_stated_chart(capture: captured.Capture, view: captured.View, photo: LinearImage,
-                      before: ChartDetection | None = None
-                      ) -> tuple[ChartDetection, np.ndarray]:
+def find_stated_chart(capture: captured.Capture, view: captured.View,
+                      photo: photo_records.LinearImage,
+                      before: photo_records.ChartDetection | None = None
+                      ) -> tuple[photo_records.ChartDetection, np.ndarray]:
     """The chart in the chart photo of a view, and the signals (I, 3) by which it is known.
 
     Parameters
