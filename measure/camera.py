@@ -18,17 +18,12 @@ from spectrabox.capture.chart import chart_agreement, quality
 from spectrabox.measure import captured, rules, texts
 from spectrabox.measure.results import calibration_facts
 from spectrabox.measure.steps import chart_fit
-from spectrabox.radiometry.chart import (
-    CLASSIC,
-    Chart,
-    typical_camera_signals,
-)
+from spectrabox.radiometry.chart import CLASSIC, Chart, typical_camera_signals
 from spectrabox.radiometry.charts.references import published_signals, reference_reflectances
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding, Severity, faults, worst
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records import calibration, spectra
-from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PatchSamples
+from spectrabox.radiometry.records import calibration, photos, spectra
 
 ERROR_PREFIX = "standard_error"   # before a band's name, of a column of errors
 
@@ -55,12 +50,12 @@ class ChartSignals:
     """The patches of a chart, as a photo of it or a table of signals gives them."""
 
     source: str
-    samples: PatchSamples
+    samples: photos.PatchSamples
     bands: tuple[str, ...]
     findings: tuple[Finding, ...] = ()
 
 
-def chart_in_photo(photo: LinearImage, stated: captured.Capture) -> ChartSignals:
+def chart_in_photo(photo: photos.LinearImage, stated: captured.Capture) -> ChartSignals:
     """The patches of the stated chart in a photo."""
     chart = stated.lit_chart
     expected = chart_signals(chart.layout, chart.reflectances, FINE_GRID)
@@ -70,9 +65,9 @@ def chart_in_photo(photo: LinearImage, stated: captured.Capture) -> ChartSignals
 
 
 def judged_chart(
-        photo: LinearImage, chart: Chart, reference: str | None,
+        photo: photos.LinearImage, chart: Chart, reference: str | None,
         corners_px: np.ndarray | None = None, excluded: np.ndarray | None = None
-) -> tuple[ChartDetection, quality.ChartVerdict]:
+) -> tuple[photos.ChartDetection, quality.ChartVerdict]:
     """The chart in a photo, and whether the photo is good enough.
 
     Parameters

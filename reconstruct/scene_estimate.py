@@ -27,10 +27,7 @@ from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.reconstruct import linearity
 from spectrabox.reconstruct.fit.transport_fit import TracedView
 from spectrabox.reconstruct.fit.view_terms import ViewFit
-from spectrabox.reconstruct.scene import edit_scene
-from spectrabox.reconstruct.scene.beam import PRIOR, TERMS, Beam
-from spectrabox.reconstruct.scene.light_position import whitening
-from spectrabox.reconstruct.scene.surfaces import hits_of, region_means
+from spectrabox.reconstruct.scene import beam, edit_scene, light_position, surfaces
 from spectrabox.reconstruct.tracer.transport import TracedTransport
 from spectrabox.reconstruct.view import PhotoView
 
@@ -57,8 +54,8 @@ CHANCE = 1e-3               # that a right scene shows as much
 # light on to other surfaces (.1 to .4 of paints that are uneven by 8 %; .2 to .8 of lamps 2 cm off)
 EXPLAINED = 0.3
 TINY = 1e-300
-GROUPS = {"lamp": slice(0, 3), "beam": slice(3, 3 + TERMS),
-          "vignetting": slice(3 + TERMS, 5 + TERMS)}
+GROUPS = {"lamp": slice(0, 3), "beam": slice(3, 3 + beam.TERMS),
+          "vignetting": slice(3 + beam.TERMS, 5 + beam.TERMS)}
 NAMED = 0.01                # chance at which one part of the scene is named as not as stated
 EDGE_PX, FIELD_PX = 1.0, 3.0    # of blurs: that makes edges differentiable, that leaves fields
 MIN_GRADIENT, MIN_EDGE_PIXELS = 0.05, 50    # of the logarithm by pixel, from which it is an edge
@@ -294,26 +291,27 @@ class _LampProblem:
         kept = ((predicted > 0) & (traced.measured > 0)).all(axis=1) & (
             traced.weight.max(axis=1) > 0)
         height, width = traced.region.shape
-        row, column = region_means(np.moveaxis(np.indices((height, width)), 0, -1).astype(float),
-                                   traced.region).T
-        hits = hits_of(self.view.scene(), (width, height), row.round().astype(int),
-                       column.round().astype(int))
+        row, column = surfaces.region_means(np.moveaxis(np.indices((height, width)), 0,
+                                                        -1).astype(float),
+                                            traced.region).T
+        hits = surfaces.hits_of(self.view.scene(), (width, height), row.round().astype(int),
+                                column.round().astype(int))
         self.extent = float(np.linalg.norm(np.ptp(hits.point[kept], axis=0)))
         self.number = edit_scene.light_number(self.view.scene_file, None)
         lamp, tangent = _lamp_seen(self.view, row, column)
         axis = hits.point[kept].mean(axis=0) - lamp
-        self.beam = Beam(axis / np.linalg.norm(axis), np.zeros(TERMS))
+        self.beam = beam.Beam(axis / np.linalg.norm(axis), np.zeros(beam.TERMS))
         radius = np.hypot(column - (width - 1) / 2, row - (height - 1) / 2) / np.hypot(
             (width - 1) / 2, (height - 1) / 2)
         self.falloff = np.column_stack([radius**2, radius**4])
         self.trace, self.kept = trace, kept
-        self._linearise(np.zeros(5 + TERMS), traced, fit)
-        self.prior = np.r_[np.full(3, linearity.LAMP_ERROR * self.extent), PRIOR,
+        self._linearise(np.zeros(5 + beam.TERMS), traced, fit)
+        self.prior = np.r_[np.full(3, linearity.LAMP_ERROR * self.extent), beam.PRIOR,
                            np.full(2, FALLOFF_ERROR)]
         group = traced.group[kept]
         blocks = np.bincount(group)[group]
         pixels = np.bincount(traced.region[traced.region >= 0])[kept]
-        noise = region_means(self.view.photo.variance.astype(float), traced.region)[kept]
+        noise = surfaces.region_means(self.view.photo.variance.astype(float), traced.region)[kept]
         self.group, self.correlated = group, np.maximum(blocks / PATTERN_TERMS, 1)
         self.common_noise = traced.traced.relative_variance[kept]
         self.noise = noise / pixels[:, None] / traced.measured[kept] ** 2
@@ -360,7 +358,8 @@ class _LampProblem:
         own = np.full(self.residual.shape[0], BLOCK_ERROR**2)
         for _ in range(WEIGHING_ROUNDS):
             pattern = own * self.correlated
-            self.white = whitening(pattern + self.common_noise, pattern[:, None] + self.noise)
+            self.white = light_position.whitening(pattern + self.common_noise,
+                                                  pattern[:, None] + self.noise)
             left = self._least_squares(self.columns, self.prior,
                                        np.where(self.dark, 0.0, 1.0))[2]
             # half of the variance is common to the bands
@@ -408,13 +407,13 @@ class _LampProblem:
             view = self.changed(self.start + np.r_[offset, beam, 0, 0])
             with np.errstate(divide="ignore", invalid="ignore"):
                 return np.asarray(np.log(self.trace(view).coefficients @ self.signals))
-        none, step = np.zeros(TERMS), LAMP_STEP * self.extent
+        none, step = np.zeros(beam.TERMS), LAMP_STEP * self.extent
         even = logs(np.zeros(3), none)
         with np.errstate(invalid="ignore"):
             by_place = [(logs(move, none) - logs(-move, none)) / (2 * step)
                         for move in step * np.eye(3)]
             by_beam = [(logs(np.zeros(3), BEAM_STEP * unit) - even) / BEAM_STEP
-                       for unit in np.eye(TERMS)]
+                       for unit in np.eye(beam.TERMS)]
         return np.array([*by_place, *by_beam])
 
     def changed(self, lamp: np.ndarray) -> PhotoView:
@@ -436,7 +435,7 @@ class _LampProblem:
             photo = replace(photo, signal=(photo.signal * factor).astype(np.float32),
                             variance=(photo.variance * factor**2).astype(np.float32))
         changed = replace(view, scene_file=scene, photo=photo,
-                          beam=replace(self.beam, coefficients=lamp[3:3 + TERMS]))
+                          beam=replace(self.beam, coefficients=lamp[3:3 + beam.TERMS]))
         vars(changed).update(surface=view.surface, used=view.used)  # the camera is the same
         return changed
 

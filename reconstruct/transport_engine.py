@@ -14,35 +14,15 @@ from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.interreflection import relative_operator
 from spectrabox.radiometry.records.spectra import Outcome, Progress
 from spectrabox.reconstruct import linearity, scene_estimate
-from spectrabox.reconstruct.agreement import (
-    SceneErrors,
-    scene_errors,
-    shifted,
-    surface_agreement,
-)
-from spectrabox.reconstruct.fit import transport_fit
-from spectrabox.reconstruct.fit.view_terms import Nuisances, ViewFit
+from spectrabox.reconstruct.agreement import SceneErrors, scene_errors, shifted, surface_agreement
+from spectrabox.reconstruct.fit import transport_fit, view_terms
 from spectrabox.reconstruct.known_light import tie_to_known
 from spectrabox.reconstruct.rendering.renderer import load_scene
-from spectrabox.reconstruct.scene.edit_scene import with_camera_at
-from spectrabox.reconstruct.scene.scene_file import needs_descent
-from spectrabox.reconstruct.scene.surfaces import block_regions, region_means
+from spectrabox.reconstruct.scene import edit_scene, scene_file, surfaces
 from spectrabox.reconstruct.settings import InversionSettings
-from spectrabox.reconstruct.tracer.transport import (
-    TracedTransport,
-    images_of_signals,
-    joined,
-    memory_of,
-    memory_of_image,
-    trace_transport,
-)
+from spectrabox.reconstruct.tracer import transport as tracing
 from spectrabox.reconstruct.tracer.unit_scene import UnitScene
-from spectrabox.reconstruct.view import (
-    PhotoView,
-    ViewSolution,
-    same_response,
-    unknown_materials,
-)
+from spectrabox.reconstruct.view import PhotoView, ViewSolution, same_response, unknown_materials
 
 FIRST_SPP = 64           # paths per pixel by which the noise is judged
 FEW_SPP = 2              # and by which most materials are seen to receive light
@@ -173,7 +153,7 @@ def _with_camera_estimated(solved: _Solved,
         step = scene_estimate.estimate_pose(view, images.mean(axis=0))
         if step is None:
             break
-        placed = replace(view, scene_file=with_camera_at(view.scene_file, step.to_world))
+        placed = replace(view, scene_file=edit_scene.with_camera_at(view.scene_file, step.to_world))
         traced, = trace_views([placed], settings, lambda done, what: None)
         solved = _solved_alone(traced, settings)
         turn = turn + step.turn
@@ -188,12 +168,13 @@ def _lamp_estimated(solved: _Solved,
     priors = [transport_fit.spectrum_prior(settings, stated.view.grid, material.learnt)
               for material in unknown_materials([stated.view])]
 
-    def fitted(view: transport_fit.TracedView) -> ViewFit:
+    def fitted(view: transport_fit.TracedView) -> view_terms.ViewFit:
         return transport_fit.fit_traced([view], priors, fits[0].coefficients).views[0]
 
-    def trace(view: PhotoView, spp: int) -> TracedTransport:
-        return trace_transport(unit_scene(view, _bounces(view, settings)), stated.region, spp=spp,
-                               seed=settings.seed, exponents=stated.traced.exponents)
+    def trace(view: PhotoView, spp: int) -> tracing.TracedTransport:
+        return tracing.trace_transport(unit_scene(view, _bounces(view, settings)), stated.region,
+                                       spp=spp, seed=settings.seed,
+                                       exponents=stated.traced.exponents)
     freed = replace(stated, nuisances=replace(tied[0].nuisances, scale=stated.nuisances.scale))
     return scene_estimate.estimate_lamp(freed, fitted, trace)
 
@@ -206,7 +187,7 @@ def trace_views(views: Sequence[PhotoView], settings: InversionSettings, progres
         def part(done: float, what: str, number: int = number) -> None:
             progress((0.7 * number + done) / len(views), what)  # tracing reports up to 0.7
         file = checkpoint and checkpoint.with_stem(f"{checkpoint.stem}{number or ''}")
-        region, group = block_regions(view.surface, view.used)
+        region, group = surfaces.block_regions(view.surface, view.used)
         part(0.0, "tracing light")
         transport = trace_view(view, _unit_scene_for(view, settings), region, group,
                                settings.seed + VIEW_SEED_STEP * number, part, file)
@@ -219,7 +200,7 @@ def trace_views(views: Sequence[PhotoView], settings: InversionSettings, progres
 
 
 def trace_view(view: PhotoView, unit: UnitScene, region: np.ndarray, group: np.ndarray, seed: int,
-               progress: Progress, checkpoint: Path | None = None) -> TracedTransport:
+               progress: Progress, checkpoint: Path | None = None) -> tracing.TracedTransport:
     """Transport of the regions, traced until its noise is below the photo's.
 
     A first trace says how noisy ``FIRST_SPP`` paths per pixel are. More follow until the median
@@ -247,30 +228,32 @@ def trace_view(view: PhotoView, unit: UnitScene, region: np.ndarray, group: np.n
     InputError
         If no light reaches a material; or as ``trace_transport``.
     """
-    first = trace_transport(unit, region, spp=FIRST_SPP, seed=seed)
+    first = tracing.trace_transport(unit, region, spp=FIRST_SPP, seed=seed)
     if unlit := unlit_material(view, first, group):
         raise InputError(unlit)
     more = _needed_spp(view, first, region) - first.spp
     progress(0.2, "tracing light")
     if more <= 0:
         return first
-    second = trace_transport(unit, region, spp=more, seed=seed + 1, exponents=first.exponents,
-                             progress=lambda done: progress(0.2 + 0.5 * done, "tracing light"),
-                             checkpoint=checkpoint)
-    return joined(first, second)
+    second = tracing.trace_transport(unit, region, spp=more, seed=seed + 1,
+                                     exponents=first.exponents,
+                                     progress=lambda done: progress(0.2 + 0.5 * done,
+                                                                    "tracing light"),
+                                     checkpoint=checkpoint)
+    return tracing.joined(first, second)
 
 
-def _needed_spp(view: PhotoView, first: TracedTransport, region: np.ndarray) -> int:
+def _needed_spp(view: PhotoView, first: tracing.TracedTransport, region: np.ndarray) -> int:
     """Paths per pixel at which the noise is that of the photo, by a first trace; at most
     ``MAX_SPP``.
     """
-    photo = region_means(view.variance / np.maximum(view.measured, 1e-12) ** 2,
-                         region).mean(axis=1)
+    photo = surfaces.region_means(view.variance / np.maximum(view.measured, 1e-12) ** 2,
+                                  region).mean(axis=1)
     photo = photo / np.bincount(region[region >= 0])
     return int(min(first.spp * float(np.median(first.relative_variance / photo)), MAX_SPP))
 
 
-def _image_spp(traced: TracedTransport, group: np.ndarray) -> int:
+def _image_spp(traced: tracing.TracedTransport, group: np.ndarray) -> int:
     """Paths per pixel of the final renderings, by the noise that a trace has on each surface: light
     that comes by way of a ceiling alone is noisier than any photo, and a surface in such a
     rendering would be taken to disagree with the photo.
@@ -283,7 +266,7 @@ def _image_spp(traced: TracedTransport, group: np.ndarray) -> int:
 
 def solve_by_lamps(
     traced: Sequence[transport_fit.TracedView], settings: InversionSettings,
-    render: Callable[[transport_fit.TracedView, ViewFit], np.ndarray]
+    render: Callable[[transport_fit.TracedView, view_terms.ViewFit], np.ndarray]
 ) -> tuple[tuple[transport_fit.TracedView, ...], tuple[transport_fit.TransportFit, ...], tuple[
         ViewSolution, ...]]:
     """Spectra that explain the photos of traced views together, and the signals in each by itself
@@ -321,7 +304,7 @@ def solve_by_lamps(
 
 def solve_traced(
     traced: Sequence[transport_fit.TracedView], settings: InversionSettings,
-    render: Callable[[transport_fit.TracedView, ViewFit], np.ndarray]
+    render: Callable[[transport_fit.TracedView, view_terms.ViewFit], np.ndarray]
 ) -> tuple[tuple[transport_fit.TracedView, ...], transport_fit.TransportFit, tuple[ViewSolution,
                                                                                    ...]]:
     """Spectra that explain the photos of traced views.
@@ -401,7 +384,7 @@ def unit_scene(view: PhotoView, bounces: int, separate_lights: bool = False) -> 
                      view.beam)
 
 
-def nuisances(view: PhotoView, settings: InversionSettings) -> Nuisances:
+def nuisances(view: PhotoView, settings: InversionSettings) -> view_terms.Nuisances:
     """What the settings take as known of one view besides its pixels.
 
     Parameters
@@ -413,11 +396,11 @@ def nuisances(view: PhotoView, settings: InversionSettings) -> Nuisances:
         Of which the errors count.
     """
     scale = None if _shows_known(view) else view.light_scale
-    return Nuisances(None if scale is None else scale.value,
-                     0.0 if scale is None else view.level_error, settings.surface_error,
-                     settings.brightness_error,
-                     settings.light_error if len(view.light_groups) > 1 else 0.0,
-                     settings.mixing_error, settings.block_error)
+    return view_terms.Nuisances(None if scale is None else scale.value,
+                                0.0 if scale is None else view.level_error, settings.surface_error,
+                                settings.brightness_error,
+                                settings.light_error if len(view.light_groups) > 1 else 0.0,
+                                settings.mixing_error, settings.block_error)
 
 
 def require_lit(views: Sequence[PhotoView],
@@ -446,30 +429,31 @@ def require_lit(views: Sequence[PhotoView],
     """
     kept, image, seconds = 0, 0, 0.0
     for number, view in enumerate(views):
-        region, group = block_regions(view.surface, view.used)
+        region, group = surfaces.block_regions(view.surface, view.used)
         unit, seed = _unit_scene_for(view, settings), settings.seed + VIEW_SEED_STEP * number
         begun = time.process_time()
-        few = trace_transport(unit, region, spp=FEW_SPP, seed=seed)
+        few = tracing.trace_transport(unit, region, spp=FEW_SPP, seed=seed)
         compiled = time.process_time()
-        trace_transport(unit, region, spp=FEW_SPP, seed=seed + 1, exponents=few.exponents)
+        tracing.trace_transport(unit, region, spp=FEW_SPP, seed=seed + 1, exponents=few.exponents)
         started = time.process_time()
-        more = trace_transport(unit, region, spp=MORE_SPP, seed=seed + 2, exponents=few.exponents)
+        more = tracing.trace_transport(unit, region, spp=MORE_SPP, seed=seed + 2,
+                                       exponents=few.exponents)
         # what a trace takes besides its paths is taken off
         each = max(time.process_time() - 2 * started + compiled, 0.0) / (MORE_SPP - FEW_SPP)
         paths = max(_needed_spp(view, more, region), FIRST_SPP) + _image_spp(more, group)
         seconds += compiled - begun + each * paths
         seconds += _seconds_of_fit(view, few, region, group, settings)
         if unlit_material(view, few, group):
-            first = trace_transport(unit, region, spp=FIRST_SPP, seed=seed)
+            first = tracing.trace_transport(unit, region, spp=FIRST_SPP, seed=seed)
             if unlit := unlit_material(view, first, group):
                 raise InputError(unlit)
         passes, regions, groups, products = few.passes.shape
-        kept += memory_of(regions, groups * products, passes)
-        image = max(image, memory_of_image(region.size, groups * products))
+        kept += tracing.memory_of(regions, groups * products, passes)
+        image = max(image, tracing.memory_of_image(region.size, groups * products))
     return kept + image, seconds
 
 
-def _seconds_of_fit(view: PhotoView, traced: TracedTransport, region: np.ndarray,
+def _seconds_of_fit(view: PhotoView, traced: tracing.TracedTransport, region: np.ndarray,
                     group: np.ndarray, settings: InversionSettings) -> float:
     """Seconds of processor of the fits of one view, by one expansion of its cost."""
     terms = transport_fit.TracedView(view, traced, region, group, nuisances(view, settings))
@@ -480,7 +464,8 @@ def _seconds_of_fit(view: PhotoView, traced: TracedTransport, region: np.ndarray
     return 2 * (compressed - begun) + STEPS_FORESEEN * (time.process_time() - compressed)
 
 
-def unlit_material(view: PhotoView, traced: TracedTransport, group: np.ndarray) -> str | None:
+def unlit_material(view: PhotoView, traced: tracing.TracedTransport,
+                   group: np.ndarray) -> str | None:
     """A sentence about the first material that the camera sees but no path connects to a light.
 
     Parameters
@@ -518,8 +503,9 @@ def renderings_of(traced: transport_fit.TracedView, settings: InversionSettings
     """
     view, transport = traced.view, traced.traced
     unit = unit_scene(view, _bounces(view, settings), transport.passes.shape[2] > 1)
-    return images_of_signals(unit, transport.exponents, spp=_image_spp(transport, traced.group),
-                             seed=settings.seed + 7919, passes=IMAGES)
+    return tracing.images_of_signals(unit, transport.exponents,
+                                     spp=_image_spp(transport, traced.group),
+                                     seed=settings.seed + 7919, passes=IMAGES)
 
 
 def _informed_by(images: np.ndarray, traced: transport_fit.TracedView,
@@ -603,7 +589,7 @@ def _separates_lights(view: PhotoView, settings: InversionSettings) -> bool:
 
 
 def _require_plain_products(view: PhotoView) -> None:
-    if others := needs_descent(view.scene_file):
+    if others := scene_file.needs_descent(view.scene_file):
         raise InputError("the transport engine treats diffuse surfaces and plain metals only, and "
                          f"{', '.join(others)} of {view.scene_file.path.name} is coated or "
                          "glossy: its spectrum does not just multiply; set [reconstruct] engine = "

@@ -15,8 +15,7 @@ from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.measure import captured, opened_photos
 from spectrabox.measure.scene.box_camera import scene_of
 from spectrabox.measure.shoot.captures import capture_with_faults
-from spectrabox.measure.steps.declared_steps import INVERSION
-from spectrabox.measure.steps.inversion import require_invertible, require_materials
+from spectrabox.measure.steps import declared_steps, inversion
 from spectrabox.measure.steps.photos import find_stated_chart
 from spectrabox.radiometry import errors
 from spectrabox.radiometry.findings import Finding, each_once
@@ -134,7 +133,7 @@ def _attempt_together(capture: captured.Capture, attempt: Attempt) -> None:
             file.path is not None and file.path.is_file() for file in files):
         attempt(opened_photos.require_curves_of_bands, capture)
     for scene in _scenes(capture, attempt).values():
-        attempt(require_materials, scene, capture.bsdfs)
+        attempt(inversion.require_materials, scene, capture.bsdfs)
 
 
 def _scenes(capture: captured.Capture, attempt: Attempt) -> dict[str, SceneFile]:
@@ -201,10 +200,10 @@ def _run_up_to_tracing(config: SessionConfig, device: str, shared: Path | None
         return None
     finished = pipeline.run_stages(config, device=device, only=None, force=False,
                           progress=lambda stage, done, what: None, before=long, shared=shared)
-    if long != INVERSION.name:
+    if long != declared_steps.INVERSION.name:
         return None
     capture = captured.require_scene(finished.capture, "only a scene is traced")
-    return require_invertible(capture, finished.records, device)
+    return inversion.require_invertible(capture, finished.records, device)
 
 
 def require_chart(capture: captured.Capture, view: captured.View, photo: LinearImage) -> None:

@@ -17,6 +17,7 @@ from spectrabox.reconstruct import view as view_module
 from spectrabox.reconstruct.inverse_rendering import reconstruct
 from spectrabox.reconstruct.scene.surfaces import block_regions
 from spectrabox.reconstruct.settings import ENGINES
+from spectrabox.reconstruct.tracer import transport as tracing
 from spectrabox.reconstruct.tracer.transport import shaded_images, trace_transport
 from spectrabox.reconstruct.transport_engine import (
     FEW_SPP,
@@ -182,7 +183,7 @@ def test_light_that_few_paths_miss_is_looked_for_by_all_of_the_first_trace(box, 
         few = settings["spp"] == FEW_SPP and dim
         return replace(trace, passes=0 * trace.passes) if few else trace
 
-    monkeypatch.setattr(transport_engine, "trace_transport", traced)
+    monkeypatch.setattr(tracing, "trace_transport", traced)
     dim = False
     needed, _ = require_lit([shot], plain_settings(7))
     # a second trace and a longer one are timed; together they are shorter than the first of a fit

@@ -29,6 +29,7 @@ from spectrabox.reconstruct.replay import Truth, _gains, _photographed
 from spectrabox.reconstruct.scene.light_position import _solve, whitening
 from spectrabox.reconstruct.scene.scene_file import read_profile, relative_radiance
 from spectrabox.reconstruct.scene.surfaces import hits_of, region_means
+from spectrabox.reconstruct.tracer import transport as tracing
 from spectrabox.reconstruct.tracer.transport import TracedTransport
 
 from tests.cornell_problem import photo_of
@@ -176,10 +177,10 @@ def test_paths_are_traced_until_their_noise_is_that_of_the_photo(monkeypatch, no
     view = SimpleNamespace(measured=measured, variance=variance)
     photo = 1e-4 / 0.5**2 / 4                   # relative, of a region of four pixels
     asked = []
-    monkeypatch.setattr(transport_engine, "trace_transport",
+    monkeypatch.setattr(tracing, "trace_transport",
                         lambda unit, region, *, spp, **_: asked.append(spp) or first)
     monkeypatch.setattr(transport_engine, "unlit_material", lambda *_: None)
-    monkeypatch.setattr(transport_engine, "joined", lambda first, second: None)
+    monkeypatch.setattr(tracing, "joined", lambda first, second: None)
     first = SimpleNamespace(spp=16, exponents=None,
                             relative_variance=np.full(6, noisier**2 * photo))
     transport_engine.trace_view(view, None, region, None, 0, lambda *_: None)

@@ -15,12 +15,8 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio
 
-from spectrabox.capture.photo import image_writers, stored_images
-from spectrabox.capture.photo.image_files import read_encoded_values
-from spectrabox.capture.photo.linear import open_photo
-from spectrabox.radiometry.appearance import signal_of_srgb
-from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import require_utf8_name, whole_file
+from spectrabox.capture.photo import image_files, image_writers, linear, stored_images
+from spectrabox.radiometry import appearance, errors, files
 from spectrabox.radiometry.spectra.formats.zarr_array import open_zarr
 from spectrabox.radiometry.system import strips
 from spectrabox.radiometry.system.words import reason_of
@@ -68,8 +64,8 @@ def open_rows(path: Path) -> PictureRows:
     header.full_scale()
     bands = header.bands
     if len(bands) < 3:
-        raise InputError(f"photo {path.name} has {len(bands)} band(s) "
-                         f"({', '.join(header.names)}); at least 3 are needed")
+        raise errors.InputError(f"photo {path.name} has {len(bands)} band(s) "
+                                f"({', '.join(header.names)}); at least 3 are needed")
     stored_images.require_decodable(path, spec, _rows_at_once(file), stored_images.LINEAR_BYTES)
     return PictureRows(spec.height, spec.width, len(bands), _reader(path, file, bands, header))
 
@@ -96,7 +92,7 @@ def open_encoded(path: Path) -> PictureRows:
     InputError
         As `image_files.read_encoded_values`.
     """
-    signal = signal_of_srgb(read_encoded_values(path)).astype(np.float32)
+    signal = appearance.signal_of_srgb(image_files.read_encoded_values(path)).astype(np.float32)
     return _rows_of_array(signal)
 
 
@@ -112,8 +108,8 @@ def _reader(path: Path, file: Any, bands: Sequence[int],
                   if spec.tile_width else
                   file.read_scanlines(first + spec.y, last + spec.y, 0, 0, spec.nchannels, "float"))
         if stored is None or file.has_error:
-            raise InputError(f"photo {path.name} cannot be read to its end "
-                             f"({reason_of(file)}); copy or export it again")
+            raise errors.InputError(f"photo {path.name} cannot be read to its end "
+                                    f"({reason_of(file)}); copy or export it again")
         signal = np.asarray(stored).reshape(last - first, spec.width, -1)[..., bands]
         stored_images.require_finite(path.name, signal)
         if header.levels is not None:
@@ -142,8 +138,8 @@ def open_channels(path: str | os.PathLike[str]) -> tuple[list[str], int, int,
     path = Path(path)
     file = stored_images.open_as_stored(path) if path.is_file() else None
     if file is None:
-        raise InputError(f"picture {path} is missing or no readable image ({reason_of(oiio)}); "
-                         "give an EXR")
+        raise errors.InputError(
+            f"picture {path} is missing or no readable image ({reason_of(oiio)}); " "give an EXR")
     spec = file.spec()
     stored_images.require_decodable(path, spec, _rows_at_once(file), stored_images.LINEAR_BYTES)
 
@@ -151,8 +147,8 @@ def open_channels(path: str | os.PathLike[str]) -> tuple[list[str], int, int,
         top = spec.y
         read = file.read_scanlines(first + top, last + top, 0, 0, spec.nchannels, "float")
         if read is None or file.has_error:
-            raise InputError(f"picture {path.name} cannot be read ({reason_of(file)}); save "
-                             "it as scan lines")
+            raise errors.InputError(f"picture {path.name} cannot be read ({reason_of(file)}); save "
+                                    "it as scan lines")
         return np.asarray(read).reshape(last - first, spec.width, spec.nchannels)
 
     names = stored_images.PictureHeader(path, spec, file.format_name()).names
@@ -162,7 +158,7 @@ def open_channels(path: str | os.PathLike[str]) -> tuple[list[str], int, int,
 def _zarr_rows(path: Path) -> PictureRows:
     (height, width, bands), chunk_rows, dtype, read_rows = open_zarr(path)
     if bands < 3:
-        raise InputError(f"{path.name} has {bands} band(s); at least 3 are needed")
+        raise errors.InputError(f"{path.name} has {bands} band(s); at least 3 are needed")
     full = np.iinfo(dtype).max if dtype.kind == "u" else 1
 
     def read(first: int, last: int) -> np.ndarray:
@@ -177,7 +173,7 @@ def _zarr_rows(path: Path) -> PictureRows:
 
 
 def _held(path: Path) -> PictureRows:
-    return _rows_of_array(open_photo(path).signal)
+    return _rows_of_array(linear.open_photo(path).signal)
 
 
 def _rows_of_array(signal: np.ndarray) -> PictureRows:
@@ -243,8 +239,8 @@ def png_rows(path: Path, height: int, width: int, channels: int) -> Iterator[str
 
 @contextlib.contextmanager
 def _rows_of(path: Path, spec: oiio.ImageSpec, kind: Any) -> Iterator[strips.WriteRows]:
-    require_utf8_name(path)
-    with whole_file(path) as unfinished:
+    files.require_utf8_name(path)
+    with files.whole_file(path) as unfinished:
         file = oiio.ImageOutput.create(os.fspath(unfinished))
         if file is None or not file.open(os.fspath(unfinished), spec):
             raise image_writers.unwritten(path, oiio if file is None else file)

@@ -12,14 +12,12 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
-from spectrabox.capture.photo.metadata import stated_levels
-from spectrabox.capture.photo.processed_photos import processed_error
+from spectrabox.capture.photo import metadata, processed_photos
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import require_utf8_name
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.photos import PhotoKind
-from spectrabox.radiometry.system.archives import require_room
-from spectrabox.radiometry.system.words import reason_of
+from spectrabox.radiometry.system import archives, words
 
 EXR_START = b"\x76\x2f\x31\x01"
 PICTURE_STARTS = (EXR_START, b"\x89PNG", b"\xff\xd8\xff")  # not of TIFF, which may begin a raw
@@ -162,7 +160,7 @@ class PictureHeader:
         if self.file_format != "tiff":
             return None
         channels, bands = self.spec.nchannels, self.bands
-        stated_black, repeat, stated_white = stated_levels(self.path)
+        stated_black, repeat, stated_white = metadata.stated_levels(self.path)
         rows, columns = repeat if stated_black else (1, 1)
         black, white = np.array(stated_black or (0.0,)), np.array(stated_white or (
             float(self.full_scale()),))
@@ -215,7 +213,7 @@ class PictureHeader:
                 what = "an 8-bit TIFF"
             if tiff and encoded:
                 what += " tagged sRGB"
-            raise processed_error(self.path.name, what, decoded=True)
+            raise processed_photos.processed_error(self.path.name, what, decoded=True)
         if kind not in (*FULL_SCALE, *FLOATS):
             raise InputError(f"photo {self.path.name} holds {kind} values, whose full scale nobody "
                              "states; export it as a linear EXR or a 16-bit TIFF")
@@ -260,7 +258,7 @@ def stored_values(path: Path, working_bytes: float) -> tuple[np.ndarray, Picture
     require_decodable(path, spec, spec.height, working_bytes)
     # in the type of the file: asking for floats would scale integers
     values = file.read_image("unknown")
-    failed, trouble = file.has_error, reason_of(file)
+    failed, trouble = file.has_error, words.reason_of(file)
     further: list[tuple[int, int]] = []
     while len(further) < MAX_PICTURES and file.seek_subimage(len(further) + 1, 0):
         other = file.spec()
@@ -291,8 +289,8 @@ def require_decodable(path: Path, spec: oiio.ImageSpec, rows: int, working_bytes
     if spec.deep or spec.depth > 1:
         raise InputError(f"photo {path.name} is a deep picture or a volume, of several samples a "
                          "pixel; export it as a flat one")
-    require_room(path.name, spec.width, rows, spec.nchannels,
-                 spec.pixel_bytes(True) / max(spec.nchannels, 1) + working_bytes)
+    archives.require_room(path.name, spec.width, rows, spec.nchannels,
+                          spec.pixel_bytes(True) / max(spec.nchannels, 1) + working_bytes)
 
 
 def read_header(path: Path) -> PictureHeader:
@@ -334,7 +332,7 @@ def _opened(path: Path) -> oiio.ImageInput:
         raise InputError(f"photo {path} does not exist; correct its name")
     file = open_as_stored(path)
     if file is None:
-        raise InputError(f"photo {path.name} is no readable image ({reason_of(oiio)}); "
+        raise InputError(f"photo {path.name} is no readable image ({words.reason_of(oiio)}); "
                          "give a camera raw, or a linear EXR or TIFF")
     return file
 

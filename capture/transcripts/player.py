@@ -20,12 +20,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from spectrabox.capture.meter import measurement
-from spectrabox.capture.meter.instruments.cr30 import Cr30
-from spectrabox.capture.meter.instruments.drivers import driver_named
-from spectrabox.capture.meter.instruments.instrument_errors import InstrumentError
+from spectrabox.capture.meter import measurement, serial_line
+from spectrabox.capture.meter.instruments import cr30, drivers, instrument_errors
 from spectrabox.capture.meter.instruments.interface import Identity, MeterSettings
-from spectrabox.capture.meter.serial_line import Pace
 from spectrabox.capture.transcripts.cr30_traffic import as_our_driver_has_it, cr30_traffic
 from spectrabox.capture.transcripts.transcript import Transcript, TranscriptWriter
 from spectrabox.radiometry.errors import InputError
@@ -328,7 +325,7 @@ def record(folder: Path, instrument: str, wanted: MeterSettings) -> Iterator[Tra
     ------
     InputError, EnvironmentProblem
     """
-    driver = driver_named(instrument)
+    driver = drivers.driver_named(instrument)
     now = datetime.now(UTC)
     line = driver.line_settings
     facts = {"instrument": driver.name, "line": f"{line.baud}{' rtscts' if line.rtscts else ''}",
@@ -359,13 +356,13 @@ def replay_transcript(transcript: Transcript, *, speed: float = 0.0,
         If the driver cannot make sense of it.
     """
     name = transcript.facts.get("instrument")
-    if name == Cr30.name or transcript.sniffed:
+    if name == cr30.Cr30.name or transcript.sniffed:
         return _replay_cr30(transcript, speed, over_socket)
     if name is None:
         raise InputError(f"{transcript.file} names no instrument; a line such as '# instrument: "
                          "pr655' is needed")
     scale = 1 / speed if speed else 0.0
-    pace = Pace(scale or AT_ONCE, shortest_limit_s=PLAYED_LIMIT_S)
+    pace = serial_line.Pace(scale or AT_ONCE, shortest_limit_s=PLAYED_LIMIT_S)
     readings: list[SpectralReading] = []
     count = _count(transcript)
     with TranscriptPlayer(transcript, time_scale=scale, over_socket=over_socket) as player, \
@@ -387,7 +384,7 @@ def _ending_as_recorded(player: TranscriptPlayer,
     """
     try:
         yield
-    except InstrumentError as error:
+    except instrument_errors.InstrumentError as error:
         if not player.finished:
             raise
         asked = (player.obeyed or [b""])[-1].decode("ascii", "replace").strip()
@@ -395,7 +392,8 @@ def _ending_as_recorded(player: TranscriptPlayer,
                  f"driver waits for the reply to {asked!r}: it was cut, or the instrument went "
                  "silent there")
         if not readings:
-            raise InstrumentError(f"{player.transcript.file}: {ended}; no reading is whole") \
+            raise instrument_errors.InstrumentError(
+                f"{player.transcript.file}: {ended}; no reading is whole") \
                 from error
         player.problems.append(ended)
 
@@ -404,15 +402,15 @@ def _replay_cr30(transcript: Transcript, speed: float, over_socket: bool) -> Pla
     """Play what a CR30 said, to whatever program it said it."""
     steps, problems = cr30_traffic(transcript)
     scale = 1 / speed if speed else 0.0
-    pace = Pace(scale or AT_ONCE, shortest_limit_s=PLAYED_LIMIT_S)
+    pace = serial_line.Pace(scale or AT_ONCE, shortest_limit_s=PLAYED_LIMIT_S)
     player = TranscriptPlayer(as_our_driver_has_it(transcript, steps), time_scale=scale,
                               over_socket=over_socket)
     identity = UNKNOWN_CR30
     readings: list[SpectralReading] = []
     # the player after the line is open: a press of the button may be the first that is heard
-    with measurement.open_instrument(Cr30.name, player.port, lambda direction, data: None,
+    with measurement.open_instrument(cr30.Cr30.name, player.port, lambda direction, data: None,
                                      pace) as meter, player:
-        assert isinstance(meter, Cr30)
+        assert isinstance(meter, cr30.Cr30)
         for step in steps:
             if step.what == "connect":
                 identity = meter.identify()
@@ -422,7 +420,7 @@ def _replay_cr30(transcript: Transcript, speed: float, over_socket: bool) -> Pla
                 meter.by_button = step.by_button
                 readings.append(
                     measurement.take_reading(meter, identity, transcript=transcript.file))
-    return Played(Cr30.name, "synthetic" in transcript.facts, tuple(readings),
+    return Played(cr30.Cr30.name, "synthetic" in transcript.facts, tuple(readings),
                   (*problems, *player.problems))
 
 

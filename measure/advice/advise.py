@@ -16,32 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from spectrabox.measure.advice import advice as advice_kinds
 from spectrabox.measure.advice import flat_actions, further
-from spectrabox.measure.advice.advice import (
-    CHART_NEARER,
-    FLAT_FIELD,
-    GEL,
-    LAMP_MOVED,
-    MATT,
-    READING,
-    SECOND_LAMP,
-    TWO_GELS,
-    WHITE_CARD,
-    Advice,
-    Advised,
-    advice,
-    advised,
-    ranked,
-)
-from spectrabox.measure.advice.forecast import (
-    Outlook,
-    Unknown,
-    outlook_after,
-    outlook_now,
-    outlook_of,
-    outlook_of_answer,
-    outlook_stated,
-)
+from spectrabox.measure.advice import forecast as forecasting
 from spectrabox.measure.captured import Capture, FlatCapture
 from spectrabox.measure.estimate import Estimate
 from spectrabox.measure.more_bands import filter_fit, joined_errors
@@ -101,23 +78,23 @@ SEEN = (spectra.Outcome.FAMILIAR, spectra.Outcome.UNFAMILIAR, spectra.Outcome.BE
 class _Surface:
     """One surface with what was found of it."""
 
-    unknown: Unknown
-    found: Outlook              # by its draws
-    solved: Outlook             # by the forecast's way
+    unknown: forecasting.Unknown
+    found: forecasting.Outlook  # by its draws
+    solved: forecasting.Outlook  # by the forecast's way
     reading_nm: float
     stated: str | None          # how much it mirrors
     matt: float                 # probability of that
 
-    def advice(self, action: str, after: Outlook, subject: str = "",
-               stops: Sequence[float] = (), dark: Sequence[int] = ()) -> Advice:
+    def advice(self, action: str, after: forecasting.Outlook, subject: str = "",
+               stops: Sequence[float] = (), dark: Sequence[int] = ()) -> advice_kinds.Advice:
         """One action, as a ratio to what was found."""
-        return advice(action, self.found, Outlook(
+        return advice_kinds.advice(action, self.found, forecasting.Outlook(
             self.found.width * after.width / self.solved.width,
             self.found.colour * after.colour / self.solved.colour), subject, stops, dark)
 
 
 def advice_on_capture(capture: Capture, records: CaptureRecords,
-                      hand: filter_fit.AtHand | None = None) -> Advised:
+                      hand: filter_fit.AtHand | None = None) -> advice_kinds.Advised:
     """What to do next of flat samples or a scene that were measured.
 
     Parameters
@@ -132,7 +109,7 @@ def advice_on_capture(capture: Capture, records: CaptureRecords,
                 for index, name in enumerate(records.signals.names)
                 if not records.signals.known[index]
                 and records.sample.spectra[name].samples.outcome in SEEN}
-    considered: dict[str, list[Advice]] = {name: [] for name in surfaces}
+    considered: dict[str, list[advice_kinds.Advice]] = {name: [] for name in surfaces}
     if isinstance(capture, FlatCapture):
         sample = flat_actions.flat_photos_of(capture, records)
         for name, surface in surfaces.items():
@@ -147,7 +124,8 @@ def advice_on_capture(capture: Capture, records: CaptureRecords,
         for name, more in _of_photos(surfaces, *filter_fit.curves_and_light(calibration), fitted,
                                      hand or usual_at_hand(), all_of_them=hand is not None).items():
             considered[name] += more
-    return advised(considered, {name: surface.found for name, surface in surfaces.items()})
+    return advice_kinds.advised(considered,
+                                {name: surface.found for name, surface in surfaces.items()})
 
 
 def _surface_of(capture: Capture, records: CaptureRecords, index: int) -> _Surface:
@@ -159,31 +137,37 @@ def _surface_of(capture: Capture, records: CaptureRecords, index: int) -> _Surfa
     prior = mixture.smoothness_prior() if beyond \
         else mixture.of_families(mixture.load_prior(), stated.families)
     variables = np.zeros(0) if spectrum.states is None else spectrum.states.mean
-    unknown = Unknown(prior, spectrum.summary.level, signals, samples.spectra.mean(axis=0),
-                      variables)
+    unknown = forecasting.Unknown(prior, spectrum.summary.level, signals,
+                                  samples.spectra.mean(axis=0), variables)
     summary = spectrum.summary
-    return _Surface(unknown, outlook_of_answer(samples, summary.lower, summary.upper),
-                    outlook_now(unknown), spectrum.summary.next_measurement_nm, stated.surface,
+    return _Surface(unknown, forecasting.outlook_of_answer(samples, summary.lower, summary.upper),
+                    forecasting.outlook_now(unknown), spectrum.summary.next_measurement_nm,
+                    stated.surface,
                     0.0 if spectrum.states is None else spectrum.states.shares.get("matt", 0.0))
 
 
-def _of_flat_sample(sample: flat_actions.FlatPhotos, surface: _Surface) -> list[Advice]:
+def _of_flat_sample(sample: flat_actions.FlatPhotos,
+                    surface: _Surface) -> list[advice_kinds.Advice]:
     """White card, chart nearer, flat field, lamp moved, and that it is matt."""
     unknown, capture = surface.unknown, sample.capture
     name = unknown.signals.names[0]
-    forecasts: dict[str, Callable[[], Outlook]] = {
-        CHART_NEARER: lambda: outlook_after(unknown,
-                                            sample.signals(name, place=flat_actions.NEARER))}
+    forecasts: dict[str, Callable[[], forecasting.Outlook]] = {
+        advice_kinds.CHART_NEARER: lambda: forecasting.outlook_after(
+            unknown, sample.signals(name, place=flat_actions.NEARER))}
     if not sample.known:
-        forecasts[WHITE_CARD] = lambda: outlook_after(unknown, sample.signals(name, card=True))
+        forecasts[advice_kinds.WHITE_CARD] = lambda: forecasting.outlook_after(
+            unknown, sample.signals(name, card=True))
     if not capture.development.flat_fields:
-        forecasts[FLAT_FIELD] = lambda: outlook_after(unknown,
-                                                      sample.signals(name, flat_field=True))
+        forecasts[advice_kinds.FLAT_FIELD] = lambda: forecasting.outlook_after(unknown,
+                                                                               sample.signals(
+                                                                                   name,
+                                                                                   flat_field=True))
     if not capture.lamp_moved:
-        forecasts[LAMP_MOVED] = lambda: outlook_after(flat_actions.with_level(unknown),
-                                                      flat_actions.with_lamp_moved(sample, name))
+        forecasts[advice_kinds.LAMP_MOVED] = lambda: forecasting.outlook_after(
+            flat_actions.with_level(unknown), flat_actions.with_lamp_moved(sample, name))
     if surface.stated is None and surface.matt > LIKELY:
-        forecasts[MATT] = lambda: outlook_stated(unknown, sample.signals(name, surface="matt"))
+        forecasts[advice_kinds.MATT] = lambda: forecasting.outlook_stated(
+            unknown, sample.signals(name, surface="matt"))
     advised = []
     for action, forecast in forecasts.items():
         # with smaller errors than now, a known region may contradict the chart: nobody is told to
@@ -193,17 +177,20 @@ def _of_flat_sample(sample: flat_actions.FlatPhotos, surface: _Surface) -> list[
     return advised
 
 
-def _of_reading(surface: _Surface) -> Advice:
+def _of_reading(surface: _Surface) -> advice_kinds.Advice:
     """A reading at the wavelength where it tells most."""
     nm = surface.reading_nm
-    return surface.advice(READING, outlook_after(surface.unknown, further.with_reading(
-        surface.unknown, nm)), f"{nm:.0f} nm")
+    return surface.advice(advice_kinds.READING, forecasting.outlook_after(surface.unknown,
+                                                                          further.with_reading(
+                                                                              surface.unknown, nm)),
+                          f"{nm:.0f} nm")
 
 
 def advice_on_signal(measured: spectra.SpectralMeasurement, prior: mixture.LogitMixture,
-                     level: float = SampleOptions.level, *, found: Outlook | None = None,
+                     level: float = SampleOptions.level, *,
+                     found: forecasting.Outlook | None = None,
                      curves: np.ndarray | None = None, present: np.ndarray | None = None,
-                     hand: filter_fit.AtHand | None = None) -> tuple[Advice, ...]:
+                     hand: filter_fit.AtHand | None = None) -> tuple[advice_kinds.Advice, ...]:
     """What to do next of a surface of which signals are known, and what they err by; further photos
     err by noise alone.
 
@@ -230,7 +217,7 @@ def advice_on_signal(measured: spectra.SpectralMeasurement, prior: mixture.Logit
         return ()
     bands = spectra.default_band_names(measured.signal.size)
     estimate = TO_FINE @ posterior.mean
-    unknown = Unknown(
+    unknown = forecasting.Unknown(
         posterior.prior, level,
         spectra.SurfaceSignals(
             ("signal",), (False,), measured.grid, estimate[None], bands,
@@ -238,7 +225,7 @@ def advice_on_signal(measured: spectra.SpectralMeasurement, prior: mixture.Logit
             {error_model.PHOTO_NOISE: measured.noise_covariance[None]},
             () if measured.states is None else (measured.states,)), posterior.mean,
         np.zeros(0) if posterior.states is None else posterior.states.mean)
-    solved = outlook_of(posterior, level)
+    solved = forecasting.outlook_of(posterior, level)
     reading = next_measurement_nm(mixture.PRIOR_GRID, posterior.covariance)
     surface = _Surface(unknown, found or solved, solved, reading, None, 0.0)
     known = hand or usual_at_hand()
@@ -247,10 +234,10 @@ def advice_on_signal(measured: spectra.SpectralMeasurement, prior: mixture.Logit
             grid.FINE_GRID.nm.size)
         known = {name: each for name, each in known.items() if isinstance(each, Filter)}
     each = _of_photos({"": surface}, curves, present, None, known, all_of_them=hand is not None)
-    return ranked([_of_reading(surface), *each.get("", [])])
+    return advice_kinds.ranked([_of_reading(surface), *each.get("", [])])
 
 
-def advice_on_estimate(estimate: Estimate) -> tuple[Advice, ...]:
+def advice_on_estimate(estimate: Estimate) -> tuple[advice_kinds.Advice, ...]:
     """What to do next of a surface whose spectrum was estimated from a signal; nothing without the
     learnt prior.
 
@@ -264,20 +251,22 @@ def advice_on_estimate(estimate: Estimate) -> tuple[Advice, ...]:
                             found=stated_outlook(estimate))
 
 
-def stated_outlook(estimate: Estimate) -> Outlook | None:
+def stated_outlook(estimate: Estimate) -> forecasting.Outlook | None:
     """How well an estimate says that its spectrum is known; None where it has no draws.
 
     Parameters
     ----------
     estimate : Estimate
     """
-    return None if estimate.samples is None or estimate.summary is None else outlook_of_answer(
-        estimate.samples, estimate.summary.lower, estimate.summary.upper)
+    if estimate.samples is None or estimate.summary is None:
+        return None
+    return forecasting.outlook_of_answer(estimate.samples, estimate.summary.lower,
+                                         estimate.summary.upper)
 
 
 def _of_photos(surfaces: Mapping[str, _Surface], curves: np.ndarray, present: np.ndarray,
                fitted: joined_errors.ChartFitted | None, hand: filter_fit.AtHand, *,
-               all_of_them: bool) -> dict[str, list[Advice]]:
+               all_of_them: bool) -> dict[str, list[advice_kinds.Advice]]:
     """A photo more through the best of the gels, and under the best of the lamps; or through and
     under each of them, and through pairs of the best gels.
     """
@@ -287,9 +276,10 @@ def _of_photos(surfaces: Mapping[str, _Surface], curves: np.ndarray, present: np
     if not may:
         return {}
 
-    def left(surface: _Surface, photos: Sequence[filter_fit.FurtherPhoto]) -> Outlook | None:
+    def left(surface: _Surface,
+             photos: Sequence[filter_fit.FurtherPhoto]) -> forecasting.Outlook | None:
         after = further.with_photos(surface.unknown, photos, white, fitted, surface.stated)
-        return None if after is None else outlook_after(surface.unknown, after)
+        return None if after is None else forecasting.outlook_after(surface.unknown, after)
 
     photos = filter_fit.photos_at_hand(curves, present, hand)
     # where the band is widest a photo counts most
@@ -303,9 +293,10 @@ def _of_photos(surfaces: Mapping[str, _Surface], curves: np.ndarray, present: np
     pairs = [[first, second] for number, first in enumerate(gels[:PAIRED])
              for second in gels[number + 1:PAIRED]] if all_of_them else []
     count = None if all_of_them else 1
-    chosen = [*((GEL, [photo]) for photo in gels[:count]), *((TWO_GELS, pair) for pair in pairs),
-              *((SECOND_LAMP, [photo]) for photo in lamps[:count])]
-    each: dict[str, list[Advice]] = {name: [] for name in may}
+    chosen = [*((advice_kinds.GEL, [photo]) for photo in gels[:count]),
+              *((advice_kinds.TWO_GELS, pair) for pair in pairs),
+              *((advice_kinds.SECOND_LAMP, [photo]) for photo in lamps[:count])]
+    each: dict[str, list[advice_kinds.Advice]] = {name: [] for name in may}
     for action, some in chosen:
         for name, surface in may.items():
             after = outlooks[some[0].name] if surface is widest and len(some) == 1 \

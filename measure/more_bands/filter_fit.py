@@ -12,12 +12,9 @@ from spectrabox.calibrate import chart_calibration, chart_photo
 from spectrabox.measure.camera import chart_signals
 from spectrabox.measure.regions.flat_signals import DARK_BAND
 from spectrabox.measure.steps import chart_fit
-from spectrabox.radiometry.chart import Chart
+from spectrabox.radiometry import chart, grid, light_scale
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.light_scale import exposure_ratio
-from spectrabox.radiometry.records.calibration import Calibration, Filter
-from spectrabox.radiometry.records.photos import LinearImage
+from spectrabox.radiometry.records import calibration, photos
 from spectrabox.radiometry.records.spectra import Spectrum, UnknownLight
 from spectrabox.radiometry.spectra.filters import unknown_filter
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, spectrum_on_grid
@@ -37,7 +34,7 @@ class MeasuredFilter:
 
     def facts(self) -> dict[str, object]:
         """As ``spectrabox filter fit --json`` names them."""
-        return {"wavelengths_nm": FINE_GRID.nm, "transmittance": self.transmittance,
+        return {"wavelengths_nm": grid.FINE_GRID.nm, "transmittance": self.transmittance,
                 "standard_error": self.standard_error, "level_known": self.level_known}
 
     def text(self) -> str:
@@ -50,7 +47,7 @@ class MeasuredFilter:
                 f"{relative.max():.1%} at worst{level}")
 
 
-def filter_from_photos(bare: LinearImage, through: LinearImage, chart: Chart,
+def filter_from_photos(bare: photos.LinearImage, through: photos.LinearImage, chart: chart.Chart,
                        reflectances: np.ndarray, light: Spectrum | UnknownLight) -> MeasuredFilter:
     """Transmittance between two photos of a chart from one tripod under one light.
 
@@ -71,14 +68,14 @@ def filter_from_photos(bare: LinearImage, through: LinearImage, chart: Chart,
     if bare.signal.shape == through.signal.shape and np.array_equal(bare.signal, through.signal):
         raise InputError(f"{bare.source} and {through.source} are one photo; the second is to be "
                          "taken through the filter")
-    expected = chart_signals(chart, reflectances, FINE_GRID)
+    expected = chart_signals(chart, reflectances, grid.FINE_GRID)
     detection, patches = chart_fit.find_patches(bare, expected, chart)
     _, filtered = chart_fit.find_patches(through, expected, chart, before=detection, filtered=True)
     stated = bare.exposure_s is not None and through.exposure_s is not None
     return filter_from_charts(
         chart_photo.ChartPhoto(patches, reflectances, light, chart=chart),
         chart_photo.ChartPhoto(filtered, reflectances, light, chart=chart, filter=unknown_filter()),
-        exposure_ratio(bare, through) if stated else None)
+        light_scale.exposure_ratio(bare, through) if stated else None)
 
 
 def filter_from_charts(
@@ -100,7 +97,7 @@ def filter_from_charts(
     CalibrationError, CheckError, InputError
         As ``calibrate_chart``.
     """
-    fit = chart_calibration.calibrate_chart([bare, through], FINE_GRID, options).prior_fit
+    fit = chart_calibration.calibrate_chart([bare, through], grid.FINE_GRID, options).prior_fit
     assert fit is not None and fit.photos[1].filter is not None
     first, second = fit.photos
     fitted = fit.photos[1].filter
@@ -127,10 +124,10 @@ def filter_from_readings(without: Spectrum, with_filter: Spectrum) -> MeasuredFi
     InputError
         If the lamp leaves wavelengths dark, or the filter adds light.
     """
-    lamp, passed = (spectrum_on_grid(reading, FINE_GRID) for reading in (without, with_filter))
+    lamp, passed = (spectrum_on_grid(reading, grid.FINE_GRID) for reading in (without, with_filter))
     dark = lamp < DARK_READING * lamp.max()
     if dark.any():
-        nm = FINE_GRID.nm[dark]
+        nm = grid.FINE_GRID.nm[dark]
         raise InputError(f"{without.source}: the lamp gives no light at {nm[0]:g} nm (of "
                          f"{nm.size} nm in all); read the filter in front of a lamp that covers "
                          "400-700 nm, halogen or daylight")
@@ -139,7 +136,7 @@ def filter_from_readings(without: Spectrum, with_filter: Spectrum) -> MeasuredFi
         raise InputError(f"{with_filter.source} has {transmittance.max():.3g} times the light of "
                          f"{without.source}; give the reading without the filter first")
     errors = [READING_ERROR * values if reading.standard_error is None else on_grid(
-        reading.grid.nm, reading.standard_error, FINE_GRID, reading.source)
+        reading.grid.nm, reading.standard_error, grid.FINE_GRID, reading.source)
         for reading, values in ((without, lamp), (with_filter, passed))]
     error = np.hypot(errors[1], transmittance * errors[0]) / lamp
     return MeasuredFilter(np.maximum(transmittance, 0), error, True,
@@ -153,7 +150,7 @@ DARK = 1e-3             # of the brightest: no curve is divided by a light below
 
 # Lamps, as spectra (301,) at 400, 401 ... 700 nm in any unit, and filters for the present light, by
 # name
-AtHand = Mapping[str, np.ndarray | Filter]
+AtHand = Mapping[str, np.ndarray | calibration.Filter]
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +163,7 @@ class FurtherPhoto:
     stops: float                # exposure to add for that; 0 under another lamp
     same_lamp: bool
     light: np.ndarray           # (301,) that the camera sees
-    filter: Filter | None = None
+    filter: calibration.Filter | None = None
 
     @property
     def dark(self) -> np.ndarray:
@@ -194,7 +191,7 @@ def photos_at_hand(curves: np.ndarray, present: np.ndarray, hand: AtHand) -> lis
     photos = []
     now = _white(curves, present).max()
     for name, each in hand.items():
-        if not isinstance(each, Filter):
+        if not isinstance(each, calibration.Filter):
             photos.append(_photo(name, curves, each))
             continue
         light = present * each.transmittance
@@ -209,7 +206,7 @@ def _photo(name: str, curves: np.ndarray, light: np.ndarray) -> FurtherPhoto:
     white = _white(curves, light)
     if np.any(white <= 0):
         raise InputError(f"a band of the camera sees nothing with {name}; leave it out")
-    return FurtherPhoto(name, curves * light * FINE_GRID.weights_nm / white[:, None],
+    return FurtherPhoto(name, curves * light * grid.FINE_GRID.weights_nm / white[:, None],
                         white / white.max(), 0.0, False, light)
 
 
@@ -226,10 +223,10 @@ def white_of_bands(curves: np.ndarray, light: np.ndarray) -> np.ndarray:
 
 
 def _white(curves: np.ndarray, light: np.ndarray) -> np.ndarray:
-    return np.asarray((curves * light) @ FINE_GRID.weights_nm)
+    return np.asarray((curves * light) @ grid.FINE_GRID.weights_nm)
 
 
-def curves_and_light(calibration: Calibration) -> tuple[np.ndarray, np.ndarray]:
+def curves_and_light(calibration: calibration.Calibration) -> tuple[np.ndarray, np.ndarray]:
     """Sensitivities (K, 301) and the light (301,) of a calibration.
 
     Parameters
@@ -237,10 +234,10 @@ def curves_and_light(calibration: Calibration) -> tuple[np.ndarray, np.ndarray]:
     calibration : Calibration
     """
     fit = calibration.sensitivity
-    curves = on_grid(fit.grid.nm, np.maximum(fit.curves, 0), FINE_GRID, "the camera's curves")
+    curves = on_grid(fit.grid.nm, np.maximum(fit.curves, 0), grid.FINE_GRID, "the camera's curves")
     if calibration.light_posterior is None:
-        return curves, spectrum_on_grid(calibration.light, FINE_GRID)
+        return curves, spectrum_on_grid(calibration.light, grid.FINE_GRID)
     known = calibration.light_posterior
-    light = on_grid(known.grid.nm, known.mean, FINE_GRID, "the light's posterior")
+    light = on_grid(known.grid.nm, known.mean, grid.FINE_GRID, "the light's posterior")
     light = np.maximum(light, DARK * light.max())
     return curves / light, light

@@ -18,12 +18,8 @@ from spectrabox.measure.regions.flat_signals import DARK_BAND, SHARED_BY_PHOTOS
 from spectrabox.measure.surfaces.surface_signals import errors_by_cause, measurement
 from spectrabox.radiometry import error_model, grid
 from spectrabox.radiometry.covariance import common_variance, error_patterns, symmetric
+from spectrabox.radiometry.records import spectra
 from spectrabox.radiometry.records.calibration import Calibration, FittedFilter
-from spectrabox.radiometry.records.spectra import (
-    Quantity,
-    Spectrum,
-    SurfaceSignals,
-)
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 
 DARK_PATCH = 0.03       # of white: darker patches err as this
@@ -41,7 +37,7 @@ class ChartFitted:
     patch_error: float              # relative, of a patch in one band against the model
 
 
-def joined_errors(surface: SurfaceSignals, spectrum: np.ndarray,
+def joined_errors(surface: spectra.SurfaceSignals, spectrum: np.ndarray,
                   photos: Sequence[filter_fit.FurtherPhoto], white: np.ndarray,
                   fitted: ChartFitted | None
                   ) -> tuple[np.ndarray, np.ndarray, error_model.Errors]:
@@ -134,7 +130,7 @@ def _of_cause(cause: str, own: np.ndarray, signal: np.ndarray, blocks: Sequence[
     return total
 
 
-def _of_response(fitted: ChartFitted, surface: SurfaceSignals, signal: np.ndarray,
+def _of_response(fitted: ChartFitted, surface: spectra.SurfaceSignals, signal: np.ndarray,
                  spectrum: np.ndarray, response: np.ndarray,
                  photos: Sequence[filter_fit.FurtherPhoto]) -> np.ndarray:
     """What errors of curves, light and filters add to the covariance (J, J); of the first photo
@@ -146,9 +142,9 @@ def _of_response(fitted: ChartFitted, surface: SurfaceSignals, signal: np.ndarra
     calibrations = _with_charts(fitted, [
         now, *(_calibration_of(now, photo) for photo in photos)], photos)
     views = np.repeat(np.arange(len(photos) + 1), bands)
-    joint = SurfaceSignals(("",), (False,), grid.FINE_GRID, spectrum[None],
-                           tuple(f"{number}" for number in seen), views, response[seen],
-                           signal[None, seen], {})
+    joint = spectra.SurfaceSignals(("",), (False,), grid.FINE_GRID, spectrum[None],
+                                   tuple(f"{number}" for number in seen), views, response[seen],
+                                   signal[None, seen], {})
     total = np.zeros((signal.size, signal.size))
     total[np.ix_(seen, seen)] = (error_model.sensitivity_covariance(calibrations, joint)
                                  + error_model.light_covariance(calibrations, joint)
@@ -221,7 +217,7 @@ def _calibration_of(calibration: Calibration, photo: filter_fit.FurtherPhoto) ->
         _, light = filter_fit.curves_and_light(calibration)
         power = power * spectrum_on_grid(calibration.light, grid.FINE_GRID) / light
     # a stated light may be dark at some wavelengths: nothing is divided by it
-    own = Spectrum(grid.FINE_GRID, power, Quantity.RELATIVE, photo.name)
+    own = spectra.Spectrum(grid.FINE_GRID, power, spectra.Quantity.RELATIVE, photo.name)
     if photo.filter is None:
         return dataclasses.replace(calibration, light=own)
     modes = photo.filter.modes.shape[1]

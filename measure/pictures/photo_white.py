@@ -11,28 +11,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from spectrabox.calibrate.chart_equations import field_terms
-from spectrabox.calibrate.chart_findings import chart_limits
+from spectrabox.calibrate import chart_equations, chart_findings
 from spectrabox.measure import texts
 from spectrabox.measure.camera import chart_signals
 from spectrabox.measure.pictures.traced_photo import TracedPhoto
 from spectrabox.measure.steps import chart_fit
-from spectrabox.radiometry import errors
-from spectrabox.radiometry.chart import CLASSIC
+from spectrabox.radiometry import chart, errors, findings, grid, light_scale
 from spectrabox.radiometry.charts.references import reference_reflectances
-from spectrabox.radiometry.findings import Finding, Severity, graded
-from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.light_scale import scale_from_signals
-from spectrabox.radiometry.records.calibration import LightScale
-from spectrabox.radiometry.records.photos import LinearImage, PhotoKind
-from spectrabox.radiometry.records.scenes import SurfaceAgreement
+from spectrabox.radiometry.records import calibration, photos, scenes
 from spectrabox.reconstruct.agreement import SCALE_ERROR, surface_covariance
 
 MIN_NODES = 8   # of a surface that is compared
 
 
 def compare_reference_surfaces(scene: TracedPhoto, light: np.ndarray,
-                               even: np.ndarray) -> tuple[LightScale, np.ndarray]:
+                               even: np.ndarray) -> tuple[calibration.LightScale, np.ndarray]:
     """Compare the surfaces of known reflectance with the light on them.
 
     Parameters
@@ -78,10 +71,11 @@ def compare_reference_surfaces(scene: TracedPhoto, light: np.ndarray,
         return scale, scene.disagreement**2 * (np.eye(bands) + 1) / 2
     names, materials, pixels, photo, model, spread = zip(*rows, strict=True)
     if estimated or view.light_scale is None:
-        scale = scale_from_signals(np.array(photo), np.array(model), SCALE_ERROR, scale.source)
-    agreement = SurfaceAgreement(names, materials, np.array(pixels),
-                                 np.array(photo) / (scale.value * np.array(model)),
-                                 np.array(spread))
+        scale = light_scale.scale_from_signals(np.array(photo), np.array(model), SCALE_ERROR,
+                                               scale.source)
+    agreement = scenes.SurfaceAgreement(names, materials, np.array(pixels),
+                                        np.array(photo) / (scale.value * np.array(model)),
+                                        np.array(spread))
     within = np.einsum("sk,sl->kl", agreement.spread, agreement.spread) / len(rows)
     return scale, surface_covariance(agreement, frozenset(materials), scene.disagreement) + within
 
@@ -91,8 +85,8 @@ def compare_reference_surfaces(scene: TracedPhoto, light: np.ndarray,
 DARK_SHARE = 0.02       # of the brightest patch in a band, below which noise is most of a signal
 
 
-def white_of_chart(photo: LinearImage,
-                   relative_response: np.ndarray) -> tuple[np.ndarray, Finding]:
+def white_of_chart(photo: photos.LinearImage,
+                   relative_response: np.ndarray) -> tuple[np.ndarray, findings.Finding]:
     """What a perfect white in the chart's place reads (K,), and whether camera and light as stated
     explain the chart.
 
@@ -110,17 +104,18 @@ def white_of_chart(photo: LinearImage,
     ChartNotFoundError, CheckError, ClippedPhotoError
         As ``chart_fit.find_patches``.
     """
-    reflectances = reference_reflectances(None, CLASSIC, FINE_GRID)
-    _, samples = chart_fit.find_patches(photo, chart_signals(CLASSIC, reflectances, FINE_GRID),
-                                        CLASSIC)
-    lightest = next(patch for patch in CLASSIC.neutrals if not samples.clipped[patch].any())
+    reflectances = reference_reflectances(None, chart.CLASSIC, grid.FINE_GRID)
+    _, samples = chart_fit.find_patches(photo, chart_signals(chart.CLASSIC, reflectances,
+                                                             grid.FINE_GRID),
+                                        chart.CLASSIC)
+    lightest = next(patch for patch in chart.CLASSIC.neutrals if not samples.clipped[patch].any())
     predicted = reflectances @ relative_response.T
     residual = chart_residual(samples.mean, predicted, ~samples.clipped)
-    passes, fails = chart_limits(stated=False)
-    severity = graded(residual, passes, fails)
-    finding = Finding("white.camera-explains-chart" if severity is Severity.INFO
-                      else "white.camera-unlike-chart", severity,
-                      values={"value": residual, "passes": passes, "fails": fails})
+    passes, fails = chart_findings.chart_limits(stated=False)
+    severity = findings.graded(residual, passes, fails)
+    finding = findings.Finding("white.camera-explains-chart" if severity is findings.Severity.INFO
+                               else "white.camera-unlike-chart", severity,
+                               values={"value": residual, "passes": passes, "fails": fails})
     return np.asarray(samples.mean[lightest] / predicted[lightest]), finding
 
 
@@ -138,14 +133,14 @@ def chart_residual(signal: np.ndarray, predicted: np.ndarray, used: np.ndarray) 
     used = used & (signal > DARK_SHARE * signal.max(axis=0)) & (predicted > 0)
     patches, bands = np.nonzero(used)
     terms = np.column_stack([np.eye(signal.shape[1])[bands],
-                             field_terms(CLASSIC.centres_uv)[patches]])
+                             chart_equations.field_terms(chart.CLASSIC.centres_uv)[patches]])
     ratio = signal[used] / predicted[used]
     fitted = np.exp(terms @ np.linalg.lstsq(terms, np.log(ratio), rcond=None)[0])
     return float(np.sqrt(np.mean((1 - fitted / ratio) ** 2)))
 
 
-def photo_white(photo: LinearImage, relative_response: np.ndarray,
-                remedy: str) -> tuple[np.ndarray, Finding] | None:
+def photo_white(photo: photos.LinearImage, relative_response: np.ndarray,
+                remedy: str) -> tuple[np.ndarray, findings.Finding] | None:
     """The same, or None of a photo without a chart whose values may be shares of white already.
 
     Parameters
@@ -167,18 +162,18 @@ def photo_white(photo: LinearImage, relative_response: np.ndarray,
     try:
         white, finding = white_of_chart(photo, relative_response)
     except (errors.ChartNotFoundError, errors.CheckError) as error:
-        if photo.kind is not PhotoKind.RAW:
+        if photo.kind is not photos.PhotoKind.RAW:
             return None
         raise errors.InputError(
             f"{photo.source} is a raw photo: its values are shares of what the sensor "
             "can hold and not of white, and no chart in it tells what white reads "
             f"({str(error).partition(';')[0]}). {remedy}") from None
-    if finding.severity is Severity.FAIL:
+    if finding.severity is findings.Severity.FAIL:
         raise errors.CheckError(f"{photo.source}: {texts.says(finding)}")
     return white, finding
 
 
-def require_camera_signal(kind: PhotoKind, source: str) -> None:
+def require_camera_signal(kind: photos.PhotoKind, source: str) -> None:
     """Refuse a photo that was decoded from sRGB, whose values are no camera's.
 
     Parameters
@@ -191,7 +186,7 @@ def require_camera_signal(kind: PhotoKind, source: str) -> None:
     ------
     InputError
     """
-    if kind is PhotoKind.PROCESSED:
+    if kind is photos.PhotoKind.PROCESSED:
         raise errors.InputError(f"{source} was decoded from sRGB: its values are what a camera's "
                          "processing made for a screen, and no camera saw them. Take its colours "
                          "as they are, from the file itself (--encoded, encoded=True)")

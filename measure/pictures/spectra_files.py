@@ -24,8 +24,7 @@ import numpy as np
 from spectrabox.capture.photo.image_rows import exr_rows
 from spectrabox.measure.pictures import pixel_spectra
 from spectrabox.measure.shoot.options import PictureFormat
-from spectrabox.radiometry.appearance import TO_SRGB, adapted_tristimulus
-from spectrabox.radiometry.files import writable
+from spectrabox.radiometry import appearance, files
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra import spectral_layers
 from spectrabox.radiometry.spectra.formats import envi, zarr_array
@@ -120,7 +119,7 @@ def write_spectra(blocks: Iterable[tuple[int, int, tuple[np.ndarray, ...]]],
         "mean", "standard_deviation" and the maps to their files.
     """
     paths = layout.paths(folder)
-    with writable(folder), contextlib.ExitStack() as stack:
+    with files.writable(folder), contextlib.ExitStack() as stack:
         writers = [stack.enter_context(layer_rows(name, path, size, layout, responses))
                    for name, path in paths.items()]
         for name in maps:
@@ -192,4 +191,4 @@ def _response_facts(name: str, responses: np.ndarray | None) -> dict[str, Any]:
 
 def srgb_of_spectra(nm: np.ndarray, light: str = DAYLIGHT) -> np.ndarray:
     """Matrix (P, 3) from reflectances to linear sRGB under a light, adapted to D65."""
-    return (TO_SRGB @ adapted_tristimulus(nm, light)).T.astype(np.float32)
+    return (appearance.TO_SRGB @ appearance.adapted_tristimulus(nm, light)).T.astype(np.float32)

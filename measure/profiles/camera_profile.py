@@ -28,14 +28,7 @@ from spectrabox.calibrate import (
 )
 from spectrabox.calibrate.prior.camera_prior import prior_about
 from spectrabox.calibrate.products.lamps import draw_cameras
-from spectrabox.measure.profiles.colour_profile import (
-    FRESH,
-    MATRIX_DEGREE,
-    ColourProfile,
-    Spread,
-    response_of_calibration,
-    response_of_curves,
-)
+from spectrabox.measure.profiles import colour_profile as colour_profiles
 from spectrabox.radiometry import appearance, colour_science, profile_files
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
@@ -60,10 +53,12 @@ class CameraProfile:
     aces_drawn: tuple[tuple[np.ndarray, np.ndarray], ...]
     idt_light: str
     draws: int
-    colours: ColourProfile
+    colours: colour_profiles.ColourProfile
     light: str              # of the colour profile
 
-    def of_illuminant(self, name: str) -> tuple[Spread, Spread, dict[str, Spread]]:
+    def of_illuminant(self,
+                      name: str) -> tuple[colour_profiles.Spread, colour_profiles.Spread,
+                                          dict[str, colour_profiles.Spread]]:
         """What a DNG profile states of an illuminant: the colour matrix, the forward matrix, and
         the mean CIEDE2000 of the second by set.
         """
@@ -74,7 +69,7 @@ class CameraProfile:
             {of: spread_over(fitted.delta_e00[index], [each.delta_e00[index] for each in drawn])
              for index, of in enumerate((FITTED_SET, FRESH_SET))})
 
-    def aces_spreads(self) -> tuple[Spread, Spread]:
+    def aces_spreads(self) -> tuple[colour_profiles.Spread, colour_profiles.Spread]:
         """The ACES matrix and its white balance."""
         matrix, balance = (spread_over(self.aces[index], [each[index] for each in self.aces_drawn])
                            for index in (0, 1))
@@ -109,14 +104,15 @@ class CameraProfile:
                           *matrix_rows(self.aces_spreads()[0])])
 
 
-def spread_over(value: np.ndarray | float, drawn: Sequence[np.ndarray | float]) -> Spread:
+def spread_over(value: np.ndarray | float,
+                drawn: Sequence[np.ndarray | float]) -> colour_profiles.Spread:
     """A value with its standard deviation over draws, where there are any."""
     deviation = np.std(np.array(drawn), axis=0, ddof=1) if len(drawn) > 1 else None
-    return Spread(value, deviation)
+    return colour_profiles.Spread(value, deviation)
 
 
 def camera_profile(camera: str, curves: np.ndarray, grid: WavelengthGrid, idt_light: str,
-                   colours: ColourProfile, light: str,
+                   colours: colour_profiles.ColourProfile, light: str,
                    draws: np.ndarray | None = None) -> CameraProfile:
     """Colour matrices (DNG, ACES) of a camera, beside its colour profile.
 
@@ -149,7 +145,7 @@ def camera_profile(camera: str, curves: np.ndarray, grid: WavelengthGrid, idt_li
         idt_light, len(each), colours, light)
 
 
-def matrix_rows(matrix: Spread) -> list[str]:
+def matrix_rows(matrix: colour_profiles.Spread) -> list[str]:
     """A matrix for a person, a line for each row, with its spread where that is known."""
     shown = [" ".join(f"{cell:8.4f}" for cell in row) for row in np.asarray(matrix.value)]
     if matrix.standard_deviation is not None:
@@ -170,10 +166,12 @@ class ComparedMatrix:
     """A matrix with its spread over what its source may be, and the colours that it gives."""
 
     source: str
-    matrix: Spread                  # (3, 3) to X, Y, Z under D50
-    aces: Spread                    # (3, 3) to ACES2065-1
-    chart: tuple[Spread, Spread]    # CIEDE2000 of the chart as photographed: mean, 90th percentile
-    fresh: tuple[Spread, Spread]    # of surfaces that no matrix was fitted to
+    matrix: colour_profiles.Spread  # (3, 3) to X, Y, Z under D50
+    aces: colour_profiles.Spread    # (3, 3) to ACES2065-1
+    # CIEDE2000 of the chart as photographed: mean, 90th percentile
+    chart: tuple[colour_profiles.Spread, colour_profiles.Spread]
+    # of surfaces that no matrix was fitted to
+    fresh: tuple[colour_profiles.Spread, colour_profiles.Spread]
     apart: float                    # mean CIEDE2000 from the first matrix, of the same surfaces
 
     def facts(self) -> dict[str, object]:
@@ -194,12 +192,12 @@ class ComparedMatrices:
     def text(self) -> str:
         """The matrices and their colour errors, for a person."""
         lines = [f"CIEDE2000 under D50, mean and {PERCENTILE}th percentile: the chart as "
-                 f"photographed; {FRESH}, as the {self.judge} see them; how far from the first "
-                 "matrix these are"]
+                 f"photographed; {colour_profiles.FRESH}, as the {self.judge} see them; how far "
+                 "from the first matrix these are"]
         for row in self.rows:
             lines.append(f"{row.source}: chart {row.chart[0].words}, {row.chart[1].words}; "
-                         f"{FRESH} {row.fresh[0].words}, {row.fresh[1].words}; {row.apart:.2f} "
-                         "from the first")
+                         f"{colour_profiles.FRESH} {row.fresh[0].words}, {row.fresh[1].words}; "
+                         f"{row.apart:.2f} from the first")
             lines += matrix_rows(row.matrix)
         return "\n".join(lines)
 
@@ -228,7 +226,7 @@ def compare_matrices(calibration: chart_calibration.ChartCalibration, photo: cha
         raise InputError(f"the camera has {photo.samples.mean.shape[1]} bands; matrices are of "
                          "three: R, G and B")
     rng = np.random.default_rng(seed)
-    fitted, fitted_draws = response_of_calibration(calibration.calibration)
+    fitted, fitted_draws = colour_profiles.response_of_calibration(calibration.calibration)
     responses = {FITTED: (fitted, fitted[None] if fitted_draws is None else fitted_draws)}
     if measured is not None:
         responses = {MEASURED: _measured_response(measured, photo, rng), **responses}
@@ -246,13 +244,14 @@ def compare_matrices(calibration: chart_calibration.ChartCalibration, photo: cha
                                  sensitivity.CHART_ERROR, balance_error, rng))
 
     to_xyz, fresh = colour_profile.d50_weights(PRIOR_GRID).T, named_spectra.test_reflectances(
-        PRIOR_GRID)[FRESH]
+        PRIOR_GRID)[colour_profiles.FRESH]
     xyz, seen = patches @ to_xyz, fresh @ judging.T
     rows: list[ComparedMatrix] = []
     others: np.ndarray | None = None
     for name, (of_source, draws) in signals.items():
-        central = colour_profile.transform_of_signals(of_source, xyz, MATRIX_DEGREE)
-        each = [colour_profile.transform_of_signals(one, xyz, MATRIX_DEGREE) for one in draws]
+        central = colour_profile.transform_of_signals(of_source, xyz, colour_profiles.MATRIX_DEGREE)
+        each = [colour_profile.transform_of_signals(one, xyz, colour_profiles.MATRIX_DEGREE)
+                for one in draws]
         others = central.lab(seen) if others is None else others
         rows.append(
             ComparedMatrix(
@@ -275,8 +274,8 @@ def _measured_response(curves: np.ndarray, photo: chart_photo.ChartPhoto, rng: n
     power = spectrum_files.spectrum_on_grid(photo.light, FINE_GRID)
     prior = prior_about(FINE_GRID, curves, trust.LABORATORY, "measured curves")
     drawn = draw_cameras(prior, DRAWS, rng) @ interpolation_matrix(prior.nm, FINE_GRID.nm).T
-    return (response_of_curves(curves, power, FINE_GRID),
-            response_of_curves(drawn, power, FINE_GRID))
+    return (colour_profiles.response_of_curves(curves, power, FINE_GRID),
+            colour_profiles.response_of_curves(drawn, power, FINE_GRID))
 
 
 def _as_they_may_be(signals: np.ndarray, calibration: chart_calibration.ChartCalibration,
@@ -329,14 +328,15 @@ def photographed_signals(calibration: chart_calibration.ChartCalibration,
 
 
 def _with_spread(central: colour_profile.ColourTransform,
-                 each: list[colour_profile.ColourTransform], onward: np.ndarray) -> Spread:
+                 each: list[colour_profile.ColourTransform],
+                 onward: np.ndarray) -> colour_profiles.Spread:
     """A matrix, led on by another, and its standard deviation."""
     return spread_over(onward @ central.coefficients, [onward @ one.coefficients for one in each])
 
 
 def _colour_errors(central: colour_profile.ColourTransform,
                    each: list[colour_profile.ColourTransform], signals: np.ndarray,
-                   truth: np.ndarray) -> tuple[Spread, Spread]:
+                   truth: np.ndarray) -> tuple[colour_profiles.Spread, colour_profiles.Spread]:
     """Mean and high percentile of CIEDE2000 against L*, a*, b* (n, 3), with their spreads."""
     figures = [(float(errors.mean()), float(np.percentile(errors, PERCENTILE))) for errors in (
         appearance.ciede2000(one.lab(signals), truth) for one in (central, *each))]

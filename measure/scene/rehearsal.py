@@ -26,19 +26,14 @@ from spectrabox.calibrate.prior.curve_posterior import sensitivity_draws
 from spectrabox.measure import texts
 from spectrabox.measure.scene.photo_errors import StatedErrors, with_stray_light
 from spectrabox.measure.surfaces.surface_signals import measurement, scene_signals
-from spectrabox.radiometry.error_model import scale_covariances
+from spectrabox.radiometry import error_model, findings, gloss, interreflection
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.findings import Finding, Severity
-from spectrabox.radiometry.gloss import draw_gloss
-from spectrabox.radiometry.interreflection import response_matrix, white_signal
-from spectrabox.radiometry.records.calibration import Calibration
+from spectrabox.radiometry.records import calibration, spectra
 from spectrabox.radiometry.records.scenes import JointReconstruction
-from spectrabox.radiometry.records.spectra import Progress
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
+from spectrabox.reconstruct import settings, view
 from spectrabox.reconstruct.fit.transport_fit import TracedView
 from spectrabox.reconstruct.replay import Stage, Truth, replay, set_stage
-from spectrabox.reconstruct.settings import InversionSettings
-from spectrabox.reconstruct.view import PhotoView
 from spectrabox.sampling.prior import mixture
 from spectrabox.sampling.prior.families.family_models import true_reflectances
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
@@ -81,11 +76,12 @@ class Rehearsed:
                    for each in self.materials)
 
     @property
-    def finding(self) -> Finding:
+    def finding(self) -> findings.Finding:
         """Whether bands hold as stated, by the worst material."""
-        return Finding("scene.rehearsed", Severity.WARN if self.too_narrow else Severity.INFO,
-                       self.worst.name, {"value": self.worst.coverage, "intended": self.level,
-                                         "times": self.times, "photo": ""})
+        return findings.Finding("scene.rehearsed", findings.Severity.WARN if self.too_narrow
+                                else findings.Severity.INFO, self.worst.name,
+                                {"value": self.worst.coverage, "intended": self.level,
+                                 "times": self.times, "photo": ""})
 
     @property
     def text(self) -> str:
@@ -111,10 +107,10 @@ MIN_TIMES = 20
 Scores = tuple[float, float, float, np.ndarray]
 
 
-def prepare_replays(views: Sequence[PhotoView], settings: InversionSettings,
-                    calibrations: Sequence[Calibration], joint: JointReconstruction,
+def prepare_replays(views: Sequence[view.PhotoView], settings: settings.InversionSettings,
+                    calibrations: Sequence[calibration.Calibration], joint: JointReconstruction,
                     families: Mapping[str, Sequence[str]], errors: StatedErrors, *, times: int,
-                    seed: int, progress: Progress) -> Replays:
+                    seed: int, progress: spectra.Progress) -> Replays:
     """Trace the light of a reconstructed scene, and draw truths and cameras of its replays.
 
     Parameters
@@ -155,7 +151,7 @@ def prepare_replays(views: Sequence[PhotoView], settings: InversionSettings,
                    truths, _cameras(calibrations[0], times, seed))
 
 
-def rehearse(replays: Replays, level: float, seed: int, progress: Progress) -> Rehearsed:
+def rehearse(replays: Replays, level: float, seed: int, progress: spectra.Progress) -> Rehearsed:
     """Replay a scene with known truths, and count what the bands hold of them.
 
     Parameters
@@ -196,7 +192,7 @@ class Replays:
     """A scene as it is replayed, with truths and cameras of T replays."""
 
     stage: Stage
-    calibrations: Sequence[Calibration]
+    calibrations: Sequence[calibration.Calibration]
     joint: JointReconstruction
     errors: StatedErrors
     # of every unknown material, of its families if stated
@@ -213,7 +209,7 @@ class Replays:
         joint = self.joint
         spectra = {name: joint.spectra[index] for index, name in enumerate(joint.materials)}
         spectra |= {name: np.interp(joint.grid.nm, mixture.PRIOR_GRID.nm, truths[number])
-                    + (draw_gloss(self.errors.gloss[name], 1, rng)[0]
+                    + (gloss.draw_gloss(self.errors.gloss[name], 1, rng)[0]
                        if name in self.errors.gloss else 0.0)
                     for name, truths in self.truths.items()}
         views = range(len(self.stage.views))
@@ -247,7 +243,7 @@ class Replays:
                          curves, rng)
 
 
-def _cameras(calibration: Calibration, times: int, seed: int) -> np.ndarray:
+def _cameras(calibration: calibration.Calibration, times: int, seed: int) -> np.ndarray:
     """Curves (T, K, P) of as many cameras as there are rehearsals."""
     fit = calibration.sensitivity
     if fit.covariance is not None:
@@ -260,8 +256,8 @@ def _cameras(calibration: Calibration, times: int, seed: int) -> np.ndarray:
     return np.asarray(fit.curves + shares[..., None] * (tails - fit.curves))
 
 
-def _response(traced: TracedView, calibration: Calibration, joint: JointReconstruction, index: int,
-              curves: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def _response(traced: TracedView, calibration: calibration.Calibration, joint: JointReconstruction,
+              index: int, curves: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Response (L, K, P) of a true camera (K, P) under true light, with the true scale in it."""
     view = traced.view
     stated = calibration.light.standard_error
@@ -273,12 +269,12 @@ def _response(traced: TracedView, calibration: Calibration, joint: JointReconstr
         else [light]
     # what a band reads of white is calibrated, and known to the error of the scale
     scale = view.light_scale or joint.views[index].light_scale
-    covariance = sum(scale_covariances(calibration, scale).values())
-    white = white_signal(view.response) * (1 + rng.multivariate_normal(
+    covariance = sum(error_model.scale_covariances(calibration, scale).values())
+    white = interreflection.white_signal(view.response) * (1 + rng.multivariate_normal(
         np.zeros(len(view.bands)), covariance))
-    factor = scale.value * white / white_signal(
-        response_matrix(view.grid, curves, light))
-    return np.array([response_matrix(view.grid, curves, each) * factor[:, None]
+    factor = scale.value * white / interreflection.white_signal(
+        interreflection.response_matrix(view.grid, curves, light))
+    return np.array([interreflection.response_matrix(view.grid, curves, each) * factor[:, None]
                      for each in lights])
 
 

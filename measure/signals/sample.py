@@ -16,24 +16,17 @@ from spectrabox.radiometry.error_model import split_errors, stated_causes
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import FINE_GRID, basis_matrix
-from spectrabox.radiometry.records.spectra import (
-    Outcome,
-    SpectralMeasurement,
-    SpectrumSamples,
-    SpectrumSummary,
-)
-from spectrabox.sampling import spectral_measurement
+from spectrabox.radiometry.records import spectra as spectral_records
+from spectrabox.sampling import spectral_measurement, uniform
 from spectrabox.sampling.draw_methods import METHODS, draw_spectra
 from spectrabox.sampling.evaluation import metrics
 from spectrabox.sampling.further import more_measurements
-from spectrabox.sampling.polytope.bounds import bounds_of_many
-from spectrabox.sampling.polytope.refinement import sample_refined
+from spectrabox.sampling.polytope import bounds, refinement
 from spectrabox.sampling.prior import signal_posterior
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.sampling.prior.summaries import summaries
 from spectrabox.sampling.published.baselines import ranked, refined_as_published
 from spectrabox.sampling.summary import METAMERISM, READING_ERROR, check_level, summarise
-from spectrabox.sampling.uniform import as_spectra, into_reach
 
 MAX_SAMPLES = 5_000_000
 FWHM_TO_SD = 1 / (2 * np.sqrt(2 * np.log(2)))
@@ -69,7 +62,8 @@ def sample_signals(capture: SignalCapture, options: SampleOptions, *,
 
 
 def _measured(capture: SignalCapture,
-              signal: np.ndarray) -> tuple[SpectralMeasurement, dict[str, np.ndarray]]:
+              signal: np.ndarray) -> tuple[spectral_records.SpectralMeasurement,
+                                           dict[str, np.ndarray]]:
     """The measurement with the photo's noise alone, and the covariances (K, K) of all errors."""
     base = measurement_of_signal(capture.relative_response, signal, capture.white, capture.noise)
     return base, stated_causes(base.signal, base.noise_covariance, capture.light_error,
@@ -100,8 +94,9 @@ def check_options(options: SampleOptions) -> None:
         raise InputError(f"{options.samples} samples were asked for; ask for 1 to {MAX_SAMPLES}")
 
 
-def estimate_from_draws(name: str, base: SpectralMeasurement, causes: Mapping[str, np.ndarray],
-                         options: SampleOptions, capture: SignalCapture) -> Estimate:
+def estimate_from_draws(name: str, base: spectral_records.SpectralMeasurement,
+                        causes: Mapping[str, np.ndarray], options: SampleOptions,
+                        capture: SignalCapture) -> Estimate:
     """One estimate; ``base`` has the photo's noise alone, ``causes`` (K, K) those of all errors."""
     base = _with_all_errors(base, causes)
     more, twice = list(capture.more), capture.twice
@@ -143,25 +138,26 @@ def estimate_from_draws(name: str, base: SpectralMeasurement, causes: Mapping[st
         contradicting=None if contradicting is None else tuple(contradicting))
 
 
-def _with_all_errors(base: SpectralMeasurement,
-                     causes: Mapping[str, np.ndarray]) -> SpectralMeasurement:
+def _with_all_errors(base: spectral_records.SpectralMeasurement,
+                     causes: Mapping[str, np.ndarray]) -> spectral_records.SpectralMeasurement:
     relative = split_errors(base.signal, causes).relative
     return replace(base, noise_covariance=sum(causes.values(), np.zeros((base.signal.size,) * 2)),
                    relative_covariance=relative if relative.any() else None)
 
 
-def _draw_refined(options: SampleOptions, fine: int, measurement: SpectralMeasurement,
-                  count: int) -> SpectrumSamples:
+def _draw_refined(options: SampleOptions, fine: int,
+                  measurement: spectral_records.SpectralMeasurement,
+                  count: int) -> spectral_records.SpectrumSamples:
     coarse, seed = options.coefficients, options.seed
     if options.method == "paper":
         refined = refined_as_published(measurement, coarse, fine, count, seed)
         method = (f"one solution of {coarse} coefficients refined to {fine} as published (far too "
                   "narrow)")
     else:
-        operator, _ = into_reach(spectral_measurement.spline_operator(measurement, coarse))
-        refined = sample_refined(measurement, operator, fine, count, seed)
+        operator, _ = uniform.into_reach(spectral_measurement.spline_operator(measurement, coarse))
+        refined = refinement.sample_refined(measurement, operator, fine, count, seed)
         method = f"uniform, refined from {coarse} to {fine} coefficients"
-    return as_spectra(refined, method, seed, refined.outcome)
+    return uniform.as_spectra(refined, method, seed, refined.outcome)
 
 
 def _estimate_without_draws(capture: SignalCapture,
@@ -177,7 +173,7 @@ def _estimate_without_draws(capture: SignalCapture,
     causes = stated_causes(y, photo_noise, capture.light_error, capture.sensitivity_error)
     total = np.sum(list(causes.values()), axis=0)
     coefficients = signal_posterior.enough_coefficients(options.coefficients, first.signal.size)
-    bound_lower, bound_upper = bounds_of_many(
+    bound_lower, bound_upper = bounds.bounds_of_many(
         spectral_measurement.spline_operator(first, coefficients).A, y, total,
         basis_matrix(PRIOR_GRID.nm, coefficients), options.level)
     summary = summaries(prior, spectral_measurement.response_on(first, PRIOR_GRID), y, causes,
@@ -185,7 +181,7 @@ def _estimate_without_draws(capture: SignalCapture,
     estimates = []
     for row, (name, outcome) in enumerate(zip(capture.names, summary.outcome, strict=True)):
         own = {cause: covariance[row] for cause, covariance in causes.items()}
-        if outcome is Outcome.TOO_ROUGH:        # draws tell how near one can come
+        if outcome is spectral_records.Outcome.TOO_ROUGH:  # draws tell how near one can come
             estimates.append(estimate_from_draws(name, replace(first, signal=y[row]), own, options,
                                                   capture))
             continue
@@ -196,7 +192,7 @@ def _estimate_without_draws(capture: SignalCapture,
                                   values={"method": signal_posterior.prior_named(outcome)}),
                           *signal_posterior.outcome_findings(outcome, prior.stated, shares))
         estimates.append(Estimate(
-            name, SpectrumSummary(
+            name, spectral_records.SpectrumSummary(
                 PRIOR_GRID, mean, deviation, lower, upper, bound_lower[row], bound_upper[row],
                 options.level, conditional_on, float(summary.next_measurement_nm[row])),
             replace(first, signal=y[row], noise_covariance=total[row]), own, prior,
@@ -259,7 +255,7 @@ def compared(estimate: Estimate, options: SampleOptions, truth: np.ndarray | Non
 
 def measurement_of_signal(relative_response: np.ndarray, signal: np.ndarray,
                           white: np.ndarray | None = None,
-                          noise: np.ndarray | None = None) -> SpectralMeasurement:
+                          noise: np.ndarray | None = None) -> spectral_records.SpectralMeasurement:
     """The measurement relative to white, from a signal as the camera gives it.
 
     Parameters
@@ -281,8 +277,9 @@ def measurement_of_signal(relative_response: np.ndarray, signal: np.ndarray,
     noise = np.zeros_like(signal) if noise is None else noise
     if np.any(noise < 0):
         raise InputError(f"the noise {listed(noise)} is negative; give standard errors")
-    return SpectralMeasurement(FINE_GRID, relative_response, relative,
-                               np.diag((noise if white is None else noise / white)**2))
+    return spectral_records.SpectralMeasurement(FINE_GRID, relative_response, relative,
+                                                np.diag((noise if white is None
+                                                         else noise / white)**2))
 
 
 def relative_to_white(signals: np.ndarray, white: np.ndarray | None) -> np.ndarray:

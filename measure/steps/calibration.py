@@ -10,36 +10,21 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from spectrabox.calibrate import chart_calibration, light_error
-from spectrabox.calibrate.chart_photo import ChartPhoto
+from spectrabox.calibrate import chart_calibration, chart_photo, light_error, sensitivity, trust
 from spectrabox.calibrate.prior.camera_prior import prior_of_curves
-from spectrabox.calibrate.sensitivity import PriorFit
-from spectrabox.calibrate.trust import certain_glare
 from spectrabox.capture.chart import quality
-from spectrabox.measure import captured
-from spectrabox.measure.opened_photos import require_curves_of_bands
-from spectrabox.measure.records import (
-    CalibrationRecords,
-    CaptureRecords,
-    ChartFit,
-    MeasuredChart,
-)
-from spectrabox.measure.steps import chart_fit
-from spectrabox.measure.steps.work import Work
+from spectrabox.measure import captured, opened_photos
+from spectrabox.measure.records import CalibrationRecords, CaptureRecords, ChartFit, MeasuredChart
+from spectrabox.measure.steps import chart_fit, work
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records.calibration import (
-    Calibration,
-    ChartWhite,
-    HeldOutPatches,
-    LightScale,
-)
+from spectrabox.radiometry.records import calibration as calibration_records
 from spectrabox.radiometry.records.spectra import Spectrum, UnknownLight
 
 
 def calibrate_flat(capture: captured.FlatCapture, records: CaptureRecords,
-                   work: Work) -> CalibrationRecords:
+                   work: work.Work) -> CalibrationRecords:
     """Patch statistics and lights to one camera, and to the light of every view; the light over
     each chart is a smooth field that the fit estimates.
 
@@ -58,7 +43,7 @@ def calibrate_flat(capture: captured.FlatCapture, records: CaptureRecords,
         If photos that are stated to be under one lamp show two.
     """
     charts = records.chart.charts
-    require_curves_of_bands(capture)
+    opened_photos.require_curves_of_bands(capture)
     work.progress(0.6, "fitting sensitivities")
     photos = _chart_photos(capture, records, None)
     groups, of_lights = _groups_by_light(capture, charts)
@@ -67,7 +52,7 @@ def calibrate_flat(capture: captured.FlatCapture, records: CaptureRecords,
 
 
 def calibrate_scene(capture: captured.SceneCapture, records: CaptureRecords,
-                    work: Work) -> CalibrationRecords:
+                    work: work.Work) -> CalibrationRecords:
     """Patch statistics and lights to one camera, and to the light and its scale of every view;
     where it is stated how light and chart stood, the irradiance of the chart is rendered.
 
@@ -84,7 +69,7 @@ def calibrate_scene(capture: captured.SceneCapture, records: CaptureRecords,
         If chart and light do not determine the camera.
     """
     charts = records.chart.charts
-    require_curves_of_bands(capture)
+    opened_photos.require_curves_of_bands(capture)
     irradiance = _irradiance(capture, work) if charts else None
     work.progress(0.6, "fitting sensitivities")
     photos = _chart_photos(capture, records, irradiance)
@@ -100,7 +85,7 @@ def calibrate_scene(capture: captured.SceneCapture, records: CaptureRecords,
 
 
 def _chart_photos(capture: captured.Capture, records: CaptureRecords,
-                  irradiance: np.ndarray | None) -> dict[str, ChartPhoto]:
+                  irradiance: np.ndarray | None) -> dict[str, chart_photo.ChartPhoto]:
     """The charts as their fits take them, by view."""
     bands = capture.band_names(records.photo.bands)
     views = capture.views_with_chart
@@ -114,7 +99,7 @@ def _chart_photos(capture: captured.Capture, records: CaptureRecords,
 
 
 def _fitted(capture: captured.Capture, groups: list[list[captured.View]],
-            charts: Mapping[str, MeasuredChart], photos: Mapping[str, ChartPhoto],
+            charts: Mapping[str, MeasuredChart], photos: Mapping[str, chart_photo.ChartPhoto],
             options: chart_calibration.CalibrationOptions) -> CalibrationRecords:
     """One camera, and the light of every view, of each group of views.
 
@@ -132,9 +117,9 @@ def _fitted(capture: captured.Capture, groups: list[list[captured.View]],
         Of every fit.
     """
     several = options.method == "prior" and options.curves is None
-    calibrations: dict[str, Calibration] = {}
-    whites: dict[str, ChartWhite] = {}
-    held_out: dict[str, HeldOutPatches] = {}
+    calibrations: dict[str, calibration_records.Calibration] = {}
+    whites: dict[str, calibration_records.ChartWhite] = {}
+    held_out: dict[str, calibration_records.HeldOutPatches] = {}
     findings: list[Finding] = []
     chart: ChartFit | None = None
     for first, *others in groups:
@@ -170,7 +155,8 @@ def _fitted(capture: captured.Capture, groups: list[list[captured.View]],
         tuple(findings))
 
 
-def _camera_of_curves(capture: captured.Capture, view: captured.View) -> Calibration:
+def _camera_of_curves(capture: captured.Capture,
+                      view: captured.View) -> calibration_records.Calibration:
     """A camera of measured curves, which no chart is needed for."""
     chosen = capture.sensitivity
     assert chosen.curves is not None
@@ -179,15 +165,17 @@ def _camera_of_curves(capture: captured.Capture, view: captured.View) -> Calibra
                                                      chosen.relative_error)
 
 
-def _of_view(camera: Calibration, view: captured.View, scale: LightScale | None) -> Calibration:
+def _of_view(camera: calibration_records.Calibration, view: captured.View,
+             scale: calibration_records.LightScale | None) -> calibration_records.Calibration:
     """The calibration of a further view."""
     light = view.light_of_fit
     return dataclasses.replace(camera, light_scale=scale, light=camera.light if isinstance(
         light, UnknownLight) else light)
 
 
-def _chart_fit(capture: captured.Capture, chart: MeasuredChart, photo: ChartPhoto,
-               fit: chart_calibration.ChartCalibration, held_out: HeldOutPatches) -> ChartFit:
+def _chart_fit(capture: captured.Capture, chart: MeasuredChart, photo: chart_photo.ChartPhoto,
+               fit: chart_calibration.ChartCalibration,
+               held_out: calibration_records.HeldOutPatches) -> ChartFit:
     """How the calibration explains the first chart photo."""
     irradiance, patch_error = photo.irradiance_or_pi, None
     if fit.prior_fit is not None:
@@ -195,7 +183,7 @@ def _chart_fit(capture: captured.Capture, chart: MeasuredChart, photo: ChartPhot
         if isinstance(capture, captured.FlatCapture):       # the fit estimates the light over it
             irradiance = np.full(len(fit.predicted), np.nan)        # not known of excluded patches
             irradiance[photo.used] = fit.prior_fit.photos[0].field
-    return ChartFit(fit.predicted, irradiance, certain_glare(fit.prior_fit, chart.thumbnail),
+    return ChartFit(fit.predicted, irradiance, trust.certain_glare(fit.prior_fit, chart.thumbnail),
                     patch_error, fit.prior_influence, held_out, fit.copy)
 
 
@@ -287,8 +275,9 @@ def _options_of_flat(capture: captured.FlatCapture) -> chart_calibration.Calibra
     return chart_calibration.CalibrationOptions(chosen.method, prior)
 
 
-def _own_scale(photo: ChartPhoto, camera: Calibration, prior_fit: PriorFit | None,
-               index: int) -> LightScale | None:
+def _own_scale(photo: chart_photo.ChartPhoto, camera: calibration_records.Calibration,
+               prior_fit: sensitivity.PriorFit | None,
+               index: int) -> calibration_records.LightScale | None:
     """Scale of the light of a further view from its own chart photo; None where the irradiance of
     the chart is not known.
 
@@ -305,7 +294,7 @@ def _own_scale(photo: ChartPhoto, camera: Calibration, prior_fit: PriorFit | Non
     return chart_calibration.calibrate_chart([photo], FINE_GRID, options).scale
 
 
-def _irradiance(capture: captured.SceneCapture, work: Work) -> np.ndarray | None:
+def _irradiance(capture: captured.SceneCapture, work: work.Work) -> np.ndarray | None:
     """On each patch for a light spectrum of 1; None where the geometry is not known."""
     if capture.chart_scene is None:
         return None
@@ -314,7 +303,9 @@ def _irradiance(capture: captured.SceneCapture, work: Work) -> np.ndarray | None
 
 
 def _with_lamp_error(capture: captured.SceneCapture,
-                     calibrations: Mapping[str, Calibration]) -> dict[str, Calibration]:
+                     calibrations: Mapping[str,
+                                           calibration_records.Calibration]) -> dict[
+                                               str, calibration_records.Calibration]:
     """With what the lamp's position in the chart scene leaves open in every light scale from a
     chart.
     """

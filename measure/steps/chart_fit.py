@@ -10,22 +10,19 @@ from dataclasses import replace
 import numpy as np
 
 from spectrabox.calibrate import chart_calibration, chart_photo
-from spectrabox.capture.chart.detection import find_chart, find_chart_again
-from spectrabox.capture.chart.patches import require_unclipped, sample_patches
+from spectrabox.capture.chart import detection, patches
 from spectrabox.measure import captured, held_out_spectra
 from spectrabox.radiometry import error_model, errors
 from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.charts.references import editions
-from spectrabox.radiometry.records import spectra
-from spectrabox.radiometry.records.calibration import Calibration, Filter, HeldOutPatches
-from spectrabox.radiometry.records.photos import ChartDetection, LinearImage, PatchSamples
+from spectrabox.radiometry.records import calibration, photos, spectra
 from spectrabox.reconstruct.rendering import renderer
 from spectrabox.reconstruct.scene.scene_file import SceneFile
 
 
-def find(photo: LinearImage, expected: np.ndarray, layout: Chart,
-         corners_px: np.ndarray | None = None, before: ChartDetection | None = None, *,
-         filtered: bool = False, excluded: np.ndarray | None = None) -> ChartDetection:
+def find(photo: photos.LinearImage, expected: np.ndarray, layout: Chart,
+         corners_px: np.ndarray | None = None, before: photos.ChartDetection | None = None, *,
+         filtered: bool = False, excluded: np.ndarray | None = None) -> photos.ChartDetection:
     """The chart in a photo: searched for by its colours or, through a filter or where its light
     leaves no colours, where another photo from the same tripod shows it.
 
@@ -50,19 +47,19 @@ def find(photo: LinearImage, expected: np.ndarray, layout: Chart,
         As ``find_chart``.
     """
     if before is not None and filtered:
-        return find_chart_again(photo, expected, before, layout, excluded)
+        return detection.find_chart_again(photo, expected, before, layout, excluded)
     try:
-        return find_chart(photo, expected, corners_px, layout, excluded)
+        return detection.find_chart(photo, expected, corners_px, layout, excluded)
     except errors.ChartNotFoundError:
         if before is None:
             raise
-        return find_chart_again(photo, expected, before, layout, excluded)
+        return detection.find_chart_again(photo, expected, before, layout, excluded)
 
 
-def find_patches(photo: LinearImage, expected: np.ndarray, layout: Chart,
-                 corners_px: np.ndarray | None = None, before: ChartDetection | None = None, *,
-                 filtered: bool = False, excluded: np.ndarray | None = None
-                 ) -> tuple[ChartDetection, PatchSamples]:
+def find_patches(photo: photos.LinearImage, expected: np.ndarray, layout: Chart,
+                 corners_px: np.ndarray | None = None, before: photos.ChartDetection | None = None,
+                 *, filtered: bool = False, excluded: np.ndarray | None = None
+                 ) -> tuple[photos.ChartDetection, photos.PatchSamples]:
     """The chart in a photo, and the signals of its patches.
 
     Parameters
@@ -79,15 +76,15 @@ def find_patches(photo: LinearImage, expected: np.ndarray, layout: Chart,
     """
     detection = find(photo, expected, layout, corners_px, before, filtered=filtered,
                      excluded=excluded)
-    samples = sample_patches(photo, detection)
-    require_unclipped(samples, layout.names, photo.source, layout.neutrals)
+    samples = patches.sample_patches(photo, detection)
+    patches.require_unclipped(samples, layout.names, photo.source, layout.neutrals)
     return detection, samples
 
 
 def as_fitted(
-    samples: Sequence[PatchSamples], charts: Iterable[captured.LitChart],
+    samples: Sequence[photos.PatchSamples], charts: Iterable[captured.LitChart],
     lights: Iterable[spectra.Spectrum | spectra.UnknownLight], irradiance: np.ndarray | None = None,
-    filters: Iterable[Filter | None] | None = None, bands: tuple[str, ...] = ()
+    filters: Iterable[calibration.Filter | None] | None = None, bands: tuple[str, ...] = ()
 ) -> list[chart_photo.ChartPhoto]:
     """Charts in photos as their fits take them. One of which nobody stated the reflectances is a
     copy of an edition that was sold by the day of the first photo.
@@ -118,7 +115,7 @@ def as_fitted(
 def fit(
     photos: Sequence[chart_photo.ChartPhoto], grid: spectra.WavelengthGrid,
     options: chart_calibration.CalibrationOptions | None
-) -> tuple[chart_calibration.ChartCalibration, HeldOutPatches]:
+) -> tuple[chart_calibration.ChartCalibration, calibration.HeldOutPatches]:
     """One camera and the lights of its photos, with every patch of the first by a fit without it.
 
     Parameters
@@ -151,7 +148,7 @@ def lamp_error(layout: Chart, scene: SceneFile, position_error: float, seed: int
                                         seed)
 
 
-def with_lamp_error(calibration: Calibration, error: float) -> Calibration:
+def with_lamp_error(calibration: calibration.Calibration, error: float) -> calibration.Calibration:
     """A calibration whose light scale errs by the lamp's position too."""
     scale = calibration.light_scale
     return calibration if scale is None else replace(

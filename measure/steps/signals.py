@@ -9,29 +9,22 @@ import numpy as np
 
 from spectrabox.calibrate.chart_equations import PatchError
 from spectrabox.capture.chart.patches import clipped_bands
+from spectrabox.measure import records as step_records
 from spectrabox.measure.captured import Capture, FlatCapture, View
 from spectrabox.measure.extras import attempt, to_keep
 from spectrabox.measure.pictures import shown_photo
-from spectrabox.measure.records import (
-    CALIBRATED,
-    CaptureRecords,
-    RegionLight,
-    SampleRecords,
-    SignalRecords,
-)
-from spectrabox.measure.regions import white
+from spectrabox.measure.regions import moved_lamp, white
 from spectrabox.measure.regions.flat_signals import flat_signals
-from spectrabox.measure.regions.moved_lamp import differences_of_photos
 from spectrabox.measure.scene.draws import draw_through_transport
-from spectrabox.measure.steps.photos import PREVIEW_WIDTH
-from spectrabox.measure.steps.work import Work
+from spectrabox.measure.steps import photos, work
 from spectrabox.measure.surfaces.surface_spectra import sample_surfaces
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.spectra import SpectrumSamples
 
 
-def find_signals(capture: FlatCapture, records: CaptureRecords, work: Work) -> SignalRecords:
+def find_signals(capture: FlatCapture, records: step_records.CaptureRecords,
+                 work: work.Work) -> step_records.SignalRecords:
     """What regions and charts read, and the calibrations, to signals relative to white.
 
     Parameters
@@ -53,7 +46,7 @@ def find_signals(capture: FlatCapture, records: CaptureRecords, work: Work) -> S
     photos = flat_photos(capture, records)
     errors = flat_errors(capture, records)
     known, findings = white.agreeing_known(photos, capture.known, errors)
-    lights: dict[str, RegionLight] = {}
+    lights: dict[str, step_records.RegionLight] = {}
     whites = []
     for number, (view, photo) in enumerate(zip(capture.views, photos, strict=True)):
         work.progress(number / len(photos), view.photo_names[0])
@@ -61,17 +54,18 @@ def find_signals(capture: FlatCapture, records: CaptureRecords, work: Work) -> S
         whites.append(at_regions)
         findings += _write_calibrated(view, photo, known, errors, work)
         if at_regions is not None:
-            lights[view.name] = RegionLight(
+            lights[view.name] = step_records.RegionLight(
                 np.exp(at_regions.log_field), at_regions.field_error,
                 dict(at_regions.level_misfits), white.light_map(photo, known, errors))
             findings += at_regions.left_out
     signals = flat_signals(photos, whites, capture.families, capture.known,
                            capture.band_names(records.photo.bands), errors)
-    return SignalRecords(signals, lights, (*differences_of_photos(
+    return step_records.SignalRecords(signals, lights, (*moved_lamp.differences_of_photos(
         signals, [photo.name for photo in photos]), *findings))
 
 
-def known_of_signals(capture: FlatCapture, records: CaptureRecords) -> dict[str, np.ndarray]:
+def known_of_signals(capture: FlatCapture,
+                     records: step_records.CaptureRecords) -> dict[str, np.ndarray]:
     """The regions of known spectrum that the signals rest on: those that contradict no photo.
 
     Parameters
@@ -85,21 +79,22 @@ def known_of_signals(capture: FlatCapture, records: CaptureRecords) -> dict[str,
 
 
 def _write_calibrated(view: View, photo: white.FlatPhoto, known: Mapping[str, np.ndarray],
-                      errors: white.FlatErrors, work: Work) -> tuple[Finding, ...]:
+                      errors: white.FlatErrors, work: work.Work) -> tuple[Finding, ...]:
     """The photo in the colours of its calibration, among the step's pictures; none of a camera of
     other than three bands.
     """
     if work.folder is None:
         return ()
-    look, failed = attempt(f"picture {CALIBRATED!r}",
+    look, failed = attempt(f"picture {step_records.CALIBRATED!r}",
                            lambda: shown_photo.calibrated_look(photo, known, errors), None)
     if failed is not None:
         return (to_keep(failed),)
     if look is None:
         return ()
     image, _ = work.photos.developed(view.photo)
-    return work.write_picture(view.label(CALIBRATED), lambda: shown_photo.look_of_image(
-        look, image, -(-image.signal.shape[1] // PREVIEW_WIDTH)))
+    return work.write_picture(view.label(step_records.CALIBRATED),
+                              lambda: shown_photo.look_of_image(
+                                  look, image, -(-image.signal.shape[1] // photos.PREVIEW_WIDTH)))
 
 
 def require_unknown_region(capture: FlatCapture) -> None:
@@ -117,7 +112,8 @@ def require_unknown_region(capture: FlatCapture) -> None:
                          "'known'")
 
 
-def flat_photos(capture: FlatCapture, records: CaptureRecords) -> list[white.FlatPhoto]:
+def flat_photos(capture: FlatCapture,
+                records: step_records.CaptureRecords) -> list[white.FlatPhoto]:
     """Every photo of the sample, with the chart photo that shows its light.
 
     Parameters
@@ -140,7 +136,7 @@ def flat_photos(capture: FlatCapture, records: CaptureRecords) -> list[white.Fla
     return photos
 
 
-def flat_errors(capture: FlatCapture, records: CaptureRecords) -> white.FlatErrors:
+def flat_errors(capture: FlatCapture, records: step_records.CaptureRecords) -> white.FlatErrors:
     """What is stated of errors, and the disagreement that the chart's patches show.
 
     Parameters
@@ -162,7 +158,8 @@ def flat_errors(capture: FlatCapture, records: CaptureRecords) -> white.FlatErro
 
 # ---- the step that draws: every spectrum behind each surface's signal, of any capture ------------
 
-def draw_surfaces(capture: Capture, records: CaptureRecords, work: Work) -> SampleRecords:
+def draw_surfaces(capture: Capture, records: step_records.CaptureRecords,
+                  work: work.Work) -> step_records.SampleRecords:
     """Draws from all spectra behind each unknown surface's signal, and their summary.
 
     Parameters
@@ -179,5 +176,5 @@ def draw_surfaces(capture: Capture, records: CaptureRecords, work: Work) -> Samp
         jointly = draw_through_transport(
             records.calibrations(capture.views)[0], records.reconstruct.joint, chosen.draws,
             capture.seed, chosen.coefficients, families)
-    return SampleRecords(sample_surfaces(records.signals, chosen, capture.seed, families,
-                                         work.progress, jointly))
+    return step_records.SampleRecords(sample_surfaces(records.signals, chosen, capture.seed,
+                                                      families, work.progress, jointly))

@@ -28,10 +28,8 @@ import numpy as np
 from scipy.special import chdtri
 
 from spectrabox.measure import texts
-from spectrabox.radiometry import appearance
+from spectrabox.radiometry import appearance, error_model, errors
 from spectrabox.radiometry.covariance import symmetric, symmetric_root
-from spectrabox.radiometry.error_model import CAUSES
-from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import WavelengthGrid, interpolation_matrix
 from spectrabox.radiometry.records.spectra import SpectrumSamples, SurfaceSignals
@@ -375,14 +373,14 @@ def _joint_covariance(signals: Sequence[SurfaceSignals]) -> tuple[np.ndarray, np
     """
     seen = np.flatnonzero(np.isfinite([own.signal[0] for own in signals]).all(axis=0))
     if not seen.size:
-        raise CheckError("no band shows both colours: compare colours of one photo")
+        raise errors.CheckError("no band shows both colours: compare colours of one photo")
     count = seen.size
     joint = np.zeros((2 * count, 2 * count))
     for cause in signals[0].errors:
         own = [each.errors[cause][0][np.ix_(seen, seen)] for each in signals]
         joint[:count, :count] += own[0]
         joint[count:, count:] += own[1]
-        if CAUSES[cause].surfaces:
+        if error_model.CAUSES[cause].surfaces:
             cross = symmetric_root(own[0]) @ symmetric_root(own[1])
             joint[:count, count:] += cross
             joint[count:, :count] += cross.T

@@ -12,26 +12,16 @@ import numpy as np
 from spectrabox.measure.shoot import options
 from spectrabox.measure.surfaces.surface_signals import errors_by_cause, measurement
 from spectrabox.radiometry import appearance, findings
-from spectrabox.radiometry.records.spectra import (
-    Outcome,
-    Progress,
-    SpectralMeasurement,
-    SpectrumSamples,
-    SpectrumSummary,
-    StateEstimate,
-    SurfaceSignals,
-    SurfaceSpectrum,
-    WavelengthGrid,
-)
+from spectrabox.radiometry.records import spectra as spectral_records
 from spectrabox.sampling import draw_methods, spectral_measurement
 from spectrabox.sampling.prior import mixture, signal_posterior
 from spectrabox.sampling.summary import summarise
 
 
-def sample_surfaces(signals: SurfaceSignals, chosen: options.Sampling, seed: int,
-                    families: Mapping[str, Sequence[str]], progress: Progress,
-                    joint_draws: Mapping[str, SpectrumSamples] | None = None
-                    ) -> dict[str, SurfaceSpectrum]:
+def sample_surfaces(signals: spectral_records.SurfaceSignals, chosen: options.Sampling, seed: int,
+                    families: Mapping[str, Sequence[str]], progress: spectral_records.Progress,
+                    joint_draws: Mapping[str, spectral_records.SpectrumSamples] | None = None
+                    ) -> dict[str, spectral_records.SurfaceSpectrum]:
     """Draws of every unknown surface, and their summary.
 
     Parameters
@@ -61,14 +51,15 @@ def sample_surfaces(signals: SurfaceSignals, chosen: options.Sampling, seed: int
     return spectra
 
 
-def _sample_surface(signals: SurfaceSignals, index: int, chosen: options.Sampling, seed: int,
-                    families: Sequence[str],
-                    draws: SpectrumSamples | None) -> SurfaceSpectrum:
+def _sample_surface(signals: spectral_records.SurfaceSignals, index: int, chosen: options.Sampling,
+                    seed: int, families: Sequence[str],
+                    draws: spectral_records.SpectrumSamples
+                    | None) -> spectral_records.SurfaceSpectrum:
     seen = measurement(signals, index)
     prior = mixture.of_families(mixture.load_prior(), families)
     variance_shares: dict[str, float] = {}
     family_shares: dict[str, float] = {}
-    states: StateEstimate | None = None
+    states: spectral_records.StateEstimate | None = None
     if chosen.method == "prior":
         posterior = signal_posterior.solve_posterior(prior, seen)
         family_shares, states = posterior.family_shares, posterior.states
@@ -78,18 +69,19 @@ def _sample_surface(signals: SurfaceSignals, index: int, chosen: options.Samplin
             draws = posterior.samples(chosen.draws, seed, chosen.coefficients)
             seen = posterior.measurement
         if unsaid:      # of its own signal, which the draws of all surfaces at once left
-            draws = dataclasses.replace(draws, outcome=Outcome.UNSAID,
-                                        findings=(Outcome.UNSAID.finding(),))
+            draws = dataclasses.replace(draws, outcome=spectral_records.Outcome.UNSAID,
+                                        findings=(spectral_records.Outcome.UNSAID.finding(),))
     if draws is None:
         draws = draw_methods.draw_spectra(seen, chosen.method, chosen.draws, seed,
                              chosen.coefficients, prior)
     summary = summarise(draws, seen, chosen.level, conditions_of_band(draws, seen))
-    return SurfaceSpectrum(draws, resample_summary(summary, seen.grid), variance_shares,
-                           family_shares, states)
+    return spectral_records.SurfaceSpectrum(draws, resample_summary(summary, seen.grid),
+                                            variance_shares, family_shares, states)
 
 
-def conditions_of_band(draws: SpectrumSamples,
-                       measured: SpectralMeasurement) -> tuple[findings.Finding, ...]:
+def conditions_of_band(draws: spectral_records.SpectrumSamples,
+                       measured: spectral_records.SpectralMeasurement) -> tuple[findings.Finding,
+                                                                                ...]:
     """What the band rests on."""
     errors = np.sqrt(np.diag(spectral_measurement.without_states(measured).noise_covariance))
     return (findings.Finding("band.gaussian-errors", findings.Severity.INFO,
@@ -100,7 +92,8 @@ def conditions_of_band(draws: SpectrumSamples,
                         draws.coefficients.shape[1]}), *draws.findings)
 
 
-def resample_summary(summary: SpectrumSummary, grid: WavelengthGrid) -> SpectrumSummary:
+def resample_summary(summary: spectral_records.SpectrumSummary,
+                     grid: spectral_records.WavelengthGrid) -> spectral_records.SpectrumSummary:
     """The same summary on another grid, by straight lines between its wavelengths."""
     curves = ("mean", "standard_deviation", "lower", "upper", "bound_lower", "bound_upper")
     return dataclasses.replace(summary, grid=grid, **{
@@ -122,8 +115,9 @@ class Scores:
     delta_e00_mean: float
 
 
-def score(truth: np.ndarray, inverse_rendering: np.ndarray | None, summary: SpectrumSummary,
-          samples: SpectrumSamples) -> Scores:
+def score(truth: np.ndarray, inverse_rendering: np.ndarray | None,
+          summary: spectral_records.SpectrumSummary,
+          samples: spectral_records.SpectrumSamples) -> Scores:
     """Scores of one material over the summary's grid.
 
     Parameters

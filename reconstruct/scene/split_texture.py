@@ -17,8 +17,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import read_text, write_text_whole
 from spectrabox.radiometry.system.words import file_stem
 from spectrabox.reconstruct.rendering.renderer import load_scene
-from spectrabox.reconstruct.scene import import_scene
-from spectrabox.reconstruct.scene.scene_file import parse_scene
+from spectrabox.reconstruct.scene import import_scene, scene_file
 from spectrabox.reconstruct.shape import mesh as meshes
 
 SAME_SPECTRUM = 4       # decimals to which spectra of one paint agree
@@ -83,7 +82,7 @@ def split_shape(scene: Path, shape_id: str, paint: np.ndarray, target: Path) -> 
     """
     if not scene.is_file():
         raise InputError(f"{scene} is missing: give the scene file")
-    root = parse_scene(read_text(scene), scene, comments=True)
+    root = scene_file.parse_scene(read_text(scene), scene, comments=True)
     shape = next((node for node in root.findall("shape") if node.get("id") == shape_id), None)
     if shape is None:
         ids = ", ".join(repr(node.get("id", "")) for node in root.findall("shape"))

@@ -11,11 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records.photos import LinearImage
-from spectrabox.radiometry.records.scenes import Reconstruction
+from spectrabox.radiometry.records import photos, scenes
 from spectrabox.reconstruct.rendering.renderer import load_scene
-from spectrabox.reconstruct.scene import stated
-from spectrabox.reconstruct.scene.scene_file import SceneFile
+from spectrabox.reconstruct.scene import scene_file, stated
 from spectrabox.reconstruct.scene.scene_xml import scene_xml
 
 if TYPE_CHECKING:
@@ -28,7 +26,7 @@ DIRECTIONS = 4096       # of the light
 LEAST_PIXELS = 16       # of a silhouette
 
 
-def cut_out(photo: LinearImage, mask: np.ndarray, name: str) -> LinearImage:
+def cut_out(photo: photos.LinearImage, mask: np.ndarray, name: str) -> photos.LinearImage:
     """The photo with a black ground.
 
     Parameters
@@ -58,7 +56,7 @@ def cut_out(photo: LinearImage, mask: np.ndarray, name: str) -> LinearImage:
                                saturated=photo.saturated & (share > 0))
 
 
-def object_pixels(photo: LinearImage, name: str) -> np.ndarray:
+def object_pixels(photo: photos.LinearImage, name: str) -> np.ndarray:
     """Pixels (H, W) bool that show the object, of a photo with a black ground.
 
     Parameters
@@ -126,7 +124,7 @@ def sphere_of_silhouettes(pictures: Sequence[tuple[mi.Scene, np.ndarray]]
                                     for origin, angle in rays]))
 
 
-def light_on_card(scene_file: SceneFile, point: np.ndarray) -> float:
+def light_on_card(scene_file: scene_file.SceneFile, point: np.ndarray) -> float:
     """Irradiance on a card at a point, turned to the light and in nothing's shadow, for lights
     whose strongest has the spectrum 1.
 
@@ -206,7 +204,7 @@ def closed_mesh(vertices: np.ndarray, faces: np.ndarray, name: str
     return unique, joined
 
 
-def signal_of_photos(found: Sequence[Reconstruction],
+def signal_of_photos(found: Sequence[scenes.Reconstruction],
                      material: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A material's signal by all photos that tell of it, and how far each by itself is from it.
 

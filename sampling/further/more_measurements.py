@@ -16,11 +16,10 @@ from spectrabox.radiometry.covariance import block_diagonal
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records import spectra
-from spectrabox.sampling import spectral_measurement
+from spectrabox.sampling import spectral_measurement, summary
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 from spectrabox.sampling.prior.mixture_posterior import with_floor
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
-from spectrabox.sampling.summary import READING_ERROR
 
 DOUBT_DRAWS = 400
 
@@ -189,7 +188,7 @@ class Reading:
 
     @staticmethod
     def at_wavelength(nm: float, value: float,
-                      standard_error: float = READING_ERROR) -> Reading:
+                      standard_error: float = summary.READING_ERROR) -> Reading:
         """A reading at one wavelength, as of a spectrometer spot or a monochromatic photo.
 
         Raises

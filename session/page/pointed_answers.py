@@ -13,8 +13,7 @@ from spectrabox.measure.records import ChartRecords, SampleRecords
 from spectrabox.measure.regions.flat_signals import RegionSignal
 from spectrabox.measure.regions.pointing import PointedSample
 from spectrabox.measure.results.flat_result import FlatResult, flat_result
-from spectrabox.measure.steps import declared_steps, photos, signals
-from spectrabox.measure.steps.measurement import InMemory, MemoryKeeper
+from spectrabox.measure.steps import declared_steps, measurement, photos, signals
 from spectrabox.measure.steps.work import Work
 from spectrabox.measure.surfaces.colour_comparison import LIGHTS, compare_colours
 from spectrabox.measure.surfaces.surface_signals import errors_by_cause
@@ -175,8 +174,8 @@ def result_now(sample: PointedSample,
         As the steps.
     """
     capture, records = sample.capture, sample.records
-    keeper = MemoryKeeper(kept={"chart": InMemory(records.chart),
-                                "calibrate": InMemory(records.calibrate)})
+    keeper = measurement.MemoryKeeper(kept={"chart": measurement.InMemory(records.chart),
+                                            "calibrate": measurement.InMemory(records.calibrate)})
     work = Work(PhotosAtHand(capture, sample.images), lambda share, message: None)
     keeper.keep(declared_steps.FLAT_PHOTOS, lambda progress, folder: photos.measure_flat_photos(
         capture, keeper.records, work))

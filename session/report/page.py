@@ -11,35 +11,17 @@ from typing import Any, TypeVar
 import jinja2
 from markupsafe import Markup
 
-from spectrabox.measure import extras, rules, texts, words
+from spectrabox.measure import extras, plots, rules, texts, words
 from spectrabox.measure.extras import attempt, different
-from spectrabox.measure.plots import band_colours
-from spectrabox.measure.results.capture_result import CaptureResult
-from spectrabox.measure.results.flat_result import FlatResult, PhotoOfRegions
-from spectrabox.measure.results.methods import scale_words
-from spectrabox.measure.results.scene_result import SceneResult
+from spectrabox.measure.results import capture_result, flat_result, methods, scene_result
 from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.findings import Finding
-from spectrabox.radiometry.records.calibration import Calibration
-from spectrabox.radiometry.records.scenes import Reconstruction
+from spectrabox.radiometry.records import calibration, scenes
 from spectrabox.session.outputs.session_results import SessionResults
-from spectrabox.session.report import figures, maps, svg
-from spectrabox.session.report.cards import (
-    Card,
-    answer_cards,
-    assumed_of_all,
-    tested_families,
-)
-from spectrabox.session.report.figures import field_whiskers, loss_figure
+from spectrabox.session.report import figures, maps, sections, svg
+from spectrabox.session.report.cards import Card, answer_cards, assumed_of_all, tested_families
 from spectrabox.session.report.numbers import flat_numbers, report_numbers, scene_numbers
 from spectrabox.session.report.pictures import json_for_script, picture_data_uri, picture_digest
-from spectrabox.session.report.sections import (
-    ChartSection,
-    RenderedSurface,
-    chart_section,
-    held_out_rms,
-    rendered_surfaces,
-)
 from spectrabox.session.report.spectra import light_figure, sensitivity_figure
 
 PAGE_NAME, NUMBERS_NAME = "report.html", "report.json"
@@ -130,7 +112,7 @@ def render_report(results: SessionResults) -> Report:
     result = results.found
     cards = answer_cards(result.surfaces, result.verdict.doubts, result.advice)
     links = {card.surface.name: (card.id, card.index) for card in cards}
-    if isinstance(result, FlatResult):
+    if isinstance(result, flat_result.FlatResult):
         sections, numbers = _flat_sections(result, results, links), flat_numbers(result)
     else:
         sections, numbers = _scene_sections(result, results, links), scene_numbers(result)
@@ -171,7 +153,7 @@ def _texts(*files: Path) -> Markup:
     return Markup("\n".join(file.read_text(encoding="utf-8") for file in files))
 
 
-def _flat_sections(result: FlatResult, results: SessionResults,
+def _flat_sections(result: flat_result.FlatResult, results: SessionResults,
                    links: Mapping[str, tuple[str, int]]) -> dict[str, Any]:
     """Photos with regions and light, for the templates."""
     photos = [PhotoSection(photo, figures.photo_figure(
@@ -183,14 +165,14 @@ def _flat_sections(result: FlatResult, results: SessionResults,
     return {"photos": photos, "geometry": None}
 
 
-def _whiskers(photo: PhotoOfRegions) -> dict[str, Markup]:
+def _whiskers(photo: flat_result.PhotoOfRegions) -> dict[str, Markup]:
     """By region its light with its error, or why that is not drawn."""
-    drawn, failed = attempt("picture of the light on regions", lambda: field_whiskers(photo.light),
-                            {})
+    drawn, failed = attempt("picture of the light on regions",
+                            lambda: figures.field_whiskers(photo.light), {})
     return drawn if failed is None else dict.fromkeys(photo.light, svg.MissingDrawing(failed))
 
 
-def _scene_sections(result: SceneResult, results: SessionResults,
+def _scene_sections(result: scene_result.SceneResult, results: SessionResults,
                     links: Mapping[str, tuple[str, int]]) -> dict[str, Any]:
     """Photo against rendering, geometry, convergence, for the templates."""
     fit = result.reconstruction
@@ -203,14 +185,14 @@ def _scene_sections(result: SceneResult, results: SessionResults,
             "surface_map": maps.surface_figure("surfaces", fit), "views": views,
             "linked_photo": maps.linked_photo("photo", fit, result.calibration, links),
             "geometry": maps.geometry_section(result.geometry, results.previews),
-            "loss": loss_figure("loss", fit.loss_history)}
+            "loss": figures.loss_figure("loss", fit.loss_history)}
 
 
 @dataclass(frozen=True, eq=False)
 class PhotoSection:
     """A photo of flat samples on the page."""
 
-    photo: PhotoOfRegions
+    photo: flat_result.PhotoOfRegions
     figure: Markup
     light: Markup | None            # over the photo; None where it shows no region
     whiskers: dict[str, Markup]     # by region: its light with its error
@@ -222,7 +204,7 @@ def _content(results: SessionResults, cards: list[Card]) -> dict[str, Any]:
     result, verdict = results.found, results.found.verdict
     files: dict[str, Path] = {}
     chart_shown = False         # among the photos of the samples
-    if isinstance(result, FlatResult):
+    if isinstance(result, flat_result.FlatResult):
         chart_shown = any(photo.chart_px is not None for photo in result.photos)
     else:
         files = {f"photo {view.name}": results.previews[view.name] for view in result.views}
@@ -235,34 +217,35 @@ def _content(results: SessionResults, cards: list[Card]) -> dict[str, Any]:
             pictures[title] = picture
         if failed is not None:
             missing.append(failed)
-    chart, failed_chart = attempt("section on the chart", lambda: chart_section(result), None)
+    chart, failed_chart = attempt("section on the chart", lambda: sections.chart_section(result),
+                                  None)
     light = result.calibration.light
     return {
         "results": results, "found": result, "verdict": verdict,
-        "scene": isinstance(result, SceneResult),
+        "scene": isinstance(result, scene_result.SceneResult),
         "surfaces_word": f"{result.surface_word.capitalize()}s",
         "pictures": pictures, "picture": result.picture,
         "failed": [*missing, *(() if failed_chart is None else (failed_chart,))],
-        "bands": list(zip(result.bands, band_colours(result.bands), strict=True)),
+        "bands": list(zip(result.bands, plots.band_colours(result.bands), strict=True)),
         "cards": cards, "assumed_of_all": assumed_of_all(result.surfaces),
         "tested_families": tested_families(result.surfaces),
         "level": next((surface.summary.level for surface in result.surfaces
                        if surface.summary is not None), None),
         "truths": any(surface.scores is not None for surface in result.surfaces),
         "files": _files(result),
-        "chart": chart, "held_out_rms": held_out_rms(result),
+        "chart": chart, "held_out_rms": sections.held_out_rms(result),
         "sensitivity_figure": sensitivity_figure("sensitivity", result.calibration.sensitivity,
                                                  result.bands, results.sensitivity_truth),
-        "scale": None if result.light_scale is None else scale_words(result.light_scale),
+        "scale": None if result.light_scale is None else methods.scale_words(result.light_scale),
         "light_figure": light_figure("light", light, result.calibration.light_posterior),
         }
 
 
-def _files(result: CaptureResult) -> list[tuple[str, str]]:
+def _files(result: capture_result.CaptureResult) -> list[tuple[str, str]]:
     """Files next to the page that hold the spectra, and what is in each."""
     files = [("spectra.csv", "means, bands and bounds"), ("materials.csv", "colours"),
              ("spdx/", "one IES TM-27 file a surface")]
-    if isinstance(result, SceneResult):
+    if isinstance(result, scene_result.SceneResult):
         files.append(("materials.xml", "for Mitsuba"))
     if result.picture is not None:
         files.append((f"{result.picture_folder}/{result.picture.files[0]}",
@@ -278,24 +261,25 @@ class AgreementSection:
     pair: Markup
     residuals: Markup
     limit: float                    # of the scale of residuals
-    rows: list[RenderedSurface]
+    rows: list[sections.RenderedSurface]
     bands: list[tuple[str, str]]    # names and colours
     scale: str                      # of the light
     off: float = rules.SURFACE_OFF
 
 
-def _agreement_section(name: str, fit: Reconstruction, calibration: Calibration,
+def _agreement_section(name: str, fit: scenes.Reconstruction, calibration: calibration.Calibration,
                        bands: tuple[str, ...]) -> AgreementSection:
     """Photo against rendering of one photo; ``name`` ends the names of its figures."""
     return AgreementSection(texts.sentence(rules.agreement_in(fit.agreement, bands)),
                             maps.pair_figure(f"pair{name}", fit, calibration.sensitivity, bands),
                             maps.residual_figure(f"residuals{name}", fit, bands),
-                            maps.residual_limit(maps.residual_maps(fit)), rendered_surfaces(fit),
-                            list(zip(bands, band_colours(bands), strict=True)),
-                            scale_words(fit.light_scale))
+                            maps.residual_limit(maps.residual_maps(fit)),
+                            sections.rendered_surfaces(fit),
+                            list(zip(bands, plots.band_colours(bands), strict=True)),
+                            methods.scale_words(fit.light_scale))
 
 
-SECTIONS = (AgreementSection, Card, ChartSection, PhotoSection)
+SECTIONS = (AgreementSection, Card, sections.ChartSection, PhotoSection)
 
 
 def _of_kind(content: Any, kind: type[Kind]) -> Iterator[Kind]:

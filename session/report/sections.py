@@ -7,14 +7,12 @@ import numpy as np
 from markupsafe import Markup
 
 from spectrabox.calibrate import chart_findings
-from spectrabox.measure import texts
+from spectrabox.measure import rules, texts
 from spectrabox.measure.results.capture_result import CaptureResult, ChartResult
-from spectrabox.measure.rules import SURFACE_OFF, chart_residuals
 from spectrabox.radiometry.appearance import reflectance_to_srgb
 from spectrabox.radiometry.records.calibration import HeldOutPatches
 from spectrabox.radiometry.records.scenes import Reconstruction
-from spectrabox.session.report import figures
-from spectrabox.session.report.maps import surface_colours
+from spectrabox.session.report import figures, maps
 from spectrabox.session.report.spectra import SwatchPairs, css_colour, swatch_pairs
 
 
@@ -33,8 +31,8 @@ class RenderedSurface:
 def rendered_surfaces(fit: Reconstruction) -> list[RenderedSurface]:
     """Every surface of a photo that was rendered."""
     agreement, rows = fit.agreement, []
-    for index, colour in enumerate(surface_colours(len(agreement.names))):
-        bands = [(float(ratio), float(spread), abs(float(ratio) - 1) > SURFACE_OFF)
+    for index, colour in enumerate(maps.surface_colours(len(agreement.names))):
+        bands = [(float(ratio), float(spread), abs(float(ratio) - 1) > rules.SURFACE_OFF)
                  for ratio, spread in zip(agreement.ratio[index], agreement.spread[index],
                                           strict=True)]
         rows.append(RenderedSurface(index + 1, colour, agreement.names[index],
@@ -101,7 +99,7 @@ class ChartSection:
 
 def chart_section(result: CaptureResult) -> ChartSection | None:
     """Patches, residuals and irradiance of the chart photo; None where no chart was used."""
-    residuals, chart = chart_residuals(result), result.chart
+    residuals, chart = rules.chart_residuals(result), result.chart
     swatches = swatch_pairs(result)
     if chart is None or residuals is None or swatches is None:
         return None
@@ -141,7 +139,7 @@ def _patches(chart: ChartResult, residuals: np.ndarray,
     rows = []
     for index, name in enumerate(chart.layout.names):
         bands = [(float(measured), float(error), float(predicted), float(residual),
-                  None if other is None else float(other), abs(float(residual)) > SURFACE_OFF)
+                  None if other is None else float(other), abs(float(residual)) > rules.SURFACE_OFF)
                  for measured, error, predicted, residual, other
                  in zip(chart.samples.mean[index], chart.samples.standard_error[index],
                         chart.predicted[index], residuals[index], without[index], strict=True)]

@@ -7,17 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.measure import texts
-from spectrabox.measure.advice import advise
-from spectrabox.measure.advice.advice import Advice, Advised
+from spectrabox.measure import tables, texts
+from spectrabox.measure.advice import advice, advise
 from spectrabox.measure.more_bands.filter_fit import AtHand
-from spectrabox.measure.signals.options import SampleOptions
-from spectrabox.measure.signals.sample import measurement_of_signal, sample_signals
-from spectrabox.measure.signals.signal_capture import (
-    SignalCapture,
-    unstated,
-)
-from spectrabox.measure.tables import text_table
+from spectrabox.measure.signals import options, sample, signal_capture
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.spectra import named_spectra
@@ -27,8 +20,7 @@ from spectrabox.sampling.prior import mixture
 from spectrabox.session.commands.requests import AdviseRequest
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.kept_stages import load_finished
-from spectrabox.session.signals import signal_options
-from spectrabox.session.signals.measurement_file import further_measurements
+from spectrabox.session.signals import measurement_file, signal_options
 
 
 def advise_answer(request: AdviseRequest) -> tuple[dict[str, Any], str]:
@@ -88,26 +80,27 @@ def _on_signal(request: AdviseRequest, hand: AtHand | None) -> tuple[dict[str, A
     bands = len(response)
     white = signal_options.optional_numbers(request.white, bands, "white")
     noise = signal_options.optional_noise(request.noise, bands)
-    base = measurement_of_signal(response,
-                                 signal_options.numbers(request.signal or "", bands, "signal"),
-                                 white, noise)
-    taken = further_measurements(request, sensitivity, response, white)
+    base = sample.measurement_of_signal(response,
+                                        signal_options.numbers(request.signal or "", bands,
+                                                               "signal"),
+                                        white, noise)
+    taken = measurement_file.further_measurements(request, sensitivity, response, white)
     # so that the width is the one that ``sample`` states: by the same draws
-    capture = SignalCapture(response, base.signal[None], ("",), np.ones(bands),
-                            np.sqrt(np.diag(base.noise_covariance)), more=taken)
-    [estimate] = sample_signals(capture, SampleOptions())
+    capture = signal_capture.SignalCapture(response, base.signal[None], ("",), np.ones(bands),
+                                           np.sqrt(np.diag(base.noise_covariance)), more=taken)
+    [estimate] = sample.sample_signals(capture, options.SampleOptions())
     each = advise.advice_on_signal(joined(base, taken), mixture.load_prior(),
                                    found=advise.stated_outlook(estimate),
                                    curves=named_spectra.sensitivities(sensitivity, FINE_GRID),
                                    present=named_spectra.light(light, FINE_GRID), hand=hand)
-    facts, text = _answer(Advised(each), taken=[measured.name for measured in taken])
-    caveats = [*map(texts.says, unstated(white, noise))]
+    facts, text = _answer(advice.Advised(each), taken=[measured.name for measured in taken])
+    caveats = [*map(texts.says, signal_capture.unstated(white, noise))]
     if caveats:
         facts["caveat"] = "\n".join(caveats)
     return facts, "\n".join([text, *caveats])
 
 
-def _answer(advised: Advised, taken: Sequence[str] = ()) -> tuple[dict[str, Any], str]:
+def _answer(advised: advice.Advised, taken: Sequence[str] = ()) -> tuple[dict[str, Any], str]:
     """JSON object and text of lists."""
     facts = {**advised.facts, "taken": list(taken)}
     single = len(advised.by_surface) == 1
@@ -117,11 +110,11 @@ def _answer(advised: Advised, taken: Sequence[str] = ()) -> tuple[dict[str, Any]
     return facts, "\n".join(lines)
 
 
-def _table(each: Sequence[Advice], title: str) -> str:
+def _table(each: Sequence[advice.Advice], title: str) -> str:
     """What to do next, the best first."""
     if not each:
         return f"{title}: nothing that is known here brings much"
-    return text_table(
+    return tables.text_table(
         ["what", "cost", "band", "after", "colour, dE00", "after"],
         [[one.says, one.cost, f"{one.width_before:.3f}", f"{one.width_after:.3f}",
           f"{one.colour_before:.1f}", f"{one.colour_after:.1f}"] for one in each],

@@ -12,10 +12,7 @@ import numpy as np
 
 from spectrabox.capture.photo import image_rows, linear, processed_photos, stored_images
 from spectrabox.measure.pictures import pixel_spectra, spectra_files, uplift
-from spectrabox.measure.pictures.photo_white import (
-    photo_white,
-    require_camera_signal,
-)
+from spectrabox.measure.pictures.photo_white import photo_white, require_camera_signal
 from spectrabox.radiometry import errors, grid
 from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.spectra.named_spectra import relative_response

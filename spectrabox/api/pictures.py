@@ -7,19 +7,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spectrabox.api import arguments
+from spectrabox.api import arguments, signals
 from spectrabox.api.photo import Photo, open_photo
 from spectrabox.api.progress import ProgressLike, progress_steps
-from spectrabox.api.signals import OBSERVER
 from spectrabox.capture.photo.image_files import read_encoded_values
 from spectrabox.measure import texts
 from spectrabox.measure.pictures.photo_white import photo_white, require_camera_signal
 from spectrabox.measure.pictures.uplift import PixelSpectra, require_bands, uplift_image
 from spectrabox.measure.signals.options import PIXEL_NOISE
-from spectrabox.radiometry.appearance import signal_of_srgb
+from spectrabox.radiometry import appearance, findings, grid
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.findings import faults
-from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.system.threads import one_blas_thread
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 
@@ -89,7 +86,8 @@ def uplift(image: ArrayLike | Photo | str | Path, *, camera: arguments.CameraLik
         if camera is not None or light is not None or white is not None:
             raise InputError("an image in sRGB is what the CIE observer sees under D65; leave "
                              "camera, light and white out")
-        image, camera, light = signal_of_srgb(_code_values(image)), OBSERVER, "D65"
+        image, camera, light = appearance.signal_of_srgb(
+            _code_values(image)), signals.OBSERVER, "D65"
     elif isinstance(image, str | Path):
         image = open_photo(image)
     if camera is None or light is None:
@@ -102,7 +100,7 @@ def uplift(image: ArrayLike | Photo | str | Path, *, camera: arguments.CameraLik
     if not np.all(np.isfinite(pixels)):
         raise InputError("the image holds numbers that are not finite; put 0 in place of them")
     fine_response = arguments.relative_response(camera, light)
-    response = fine_response @ interpolation_matrix(PRIOR_GRID.nm, FINE_GRID.nm)
+    response = fine_response @ grid.interpolation_matrix(PRIOR_GRID.nm, grid.FINE_GRID.nm)
     require_bands(pixels.shape[2], response)
     if isinstance(image, Photo):
         require_camera_signal(image.image.kind, image.image.source)
@@ -111,7 +109,7 @@ def uplift(image: ArrayLike | Photo | str | Path, *, camera: arguments.CameraLik
                                 "reads in each band")
             if chart is not None:
                 white, finding = chart
-                for doubt in faults([finding]):
+                for doubt in findings.faults([finding]):
                     warnings.warn(texts.says(doubt), stacklevel=3)
     with progress_steps(progress, "uplift") as step:
         return uplift_image(pixels, response,

@@ -8,46 +8,34 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from spectrabox.api import arguments, shoot_arguments
+from spectrabox.api import arguments, estimates, shoot_arguments
 from spectrabox.api.camera import CameraEstimate
-from spectrabox.api.estimates import MeasuredSpectra
 from spectrabox.api.photo import Photo, open_photo
 from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.calibrate.chart_calibration import calibration_from_curves
 from spectrabox.calibrate.trust import certain_glare
 from spectrabox.capture.photo.preview import AS_READ
-from spectrabox.measure import texts
-from spectrabox.measure.captured import (
-    CURVES_ERROR,
-    SceneCapture,
-)
+from spectrabox.measure import captured, plots, records, texts
 from spectrabox.measure.pictures.texture_files import textures_of
-from spectrabox.measure.plots import axes_for
-from spectrabox.measure.records import CalibrationRecords, CaptureRecords, ChartFit, KeptRecord
 from spectrabox.measure.results.scene_result import bsdf_reflectances, scene_result
 from spectrabox.measure.scene.rehearsal import Rehearsed
 from spectrabox.measure.shoot.options import Repeatability
 from spectrabox.measure.steps import measurement
-from spectrabox.radiometry import error_model
-from spectrabox.radiometry.chart import Chart
+from spectrabox.radiometry import chart, error_model, files, grid, light_scale
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.files import write_text_whole
-from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.light_scale import scale_for_photo
 from spectrabox.radiometry.records.calibration import Calibration, LightScale
 from spectrabox.radiometry.records.scenes import JointReconstruction
 from spectrabox.radiometry.records.spectra import Spectrum
 from spectrabox.radiometry.spectra.given_spectra import KnownSpectrum
 from spectrabox.radiometry.system.threads import one_blas_thread
 from spectrabox.reconstruct.rendering.renderer import threads_given_back
-from spectrabox.reconstruct.scene.scene_file import SceneFile, scene_of_text
-from spectrabox.reconstruct.scene.scene_xml import recovered_xml
+from spectrabox.reconstruct.scene import scene_file, scene_xml
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-class SceneSpectra(MeasuredSpectra):
+class SceneSpectra(estimates.MeasuredSpectra):
     """Estimates of the materials of a scene, with the reconstruction that they come from.
 
     Attributes
@@ -71,7 +59,7 @@ class SceneSpectra(MeasuredSpectra):
     >>> scene.plot_agreement()
     """
 
-    def __init__(self, capture: SceneCapture, records: CaptureRecords,
+    def __init__(self, capture: captured.SceneCapture, records: records.CaptureRecords,
                  rehearsal: Rehearsed | None = None, picture_folder: str = "",
                  folder: Path = Path()) -> None:
         result = scene_result(capture, records, rehearsal, picture_folder)
@@ -115,14 +103,14 @@ class SceneSpectra(MeasuredSpectra):
         target, stated = Path(path), self._stated_scene
         if target.resolve() == stated.path.resolve():
             raise InputError(f"{target} is the scene that was measured; give another name")
-        scene = stated if isinstance(stated, SceneFile) else scene_of_text(
+        scene = stated if isinstance(stated, scene_file.SceneFile) else scene_file.scene_of_text(
             self.records.reconstruct.box_scenes[""], stated.path)
-        write_text_whole(target, recovered_xml(
+        files.write_text_whole(target, scene_xml.recovered_xml(
             scene, *bsdf_reflectances(self.found, self._bsdfs), target.parent,
             self._textures(scene)))
         return target
 
-    def _textures(self, scene: SceneFile) -> dict[str, Path]:
+    def _textures(self, scene: scene_file.SceneFile) -> dict[str, Path]:
         """Files of the textures that a picture of spectra found, by surface."""
         picture = self.found.picture
         return {} if picture is None else textures_of(picture.files, scene.surfaces,
@@ -140,7 +128,7 @@ class SceneSpectra(MeasuredSpectra):
         -------
         matplotlib Axes
         """
-        axes = axes_for(ax)
+        axes = plots.axes_for(ax)
         view = self.reconstruction.views[0]
         usable = view.used[..., None] & (view.measured > 0)
         residual = np.where(usable, 1 - view.rendered / np.where(usable, view.measured, 1.0),
@@ -158,7 +146,7 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, light: ar
                       camera: arguments.CameraLike | None = None, chart_photo: str | Path | Photo
                       | None = None, lights: Mapping[str, arguments.LightLike | float] | None
                       = None, chart_scene: str | Path | None = None,
-                      layout: str | Path | Chart | None = None, reference: str | None = None,
+                      layout: str | Path | chart.Chart | None = None, reference: str | None = None,
                       flat_field: str | Path | None = None,
                       families: Mapping[str, str | Sequence[str]] | None = None,
                       surface: str | Mapping[str, str] | None = None,
@@ -253,12 +241,12 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, light: ar
                                                                flat=flat_field)
     if (camera is None) == (chart_photo is None):
         raise InputError("the camera is needed: give camera= or the photo of a chart, chart_photo=")
-    kept: dict[str, KeptRecord] = {}
+    kept: dict[str, records.KeptRecord] = {}
     scale = None
     if camera is not None:
         calibration, fit, scale = _calibration(camera, spectrum, opened, Repeatability())
         kept["calibrate"] = measurement.InMemory(
-            CalibrationRecords({"": calibration}, {}, fit, {}, ()))
+            records.CalibrationRecords({"": calibration}, {}, fit, {}, ()))
     stated = shoot_arguments.Arguments()
     capture = stated.capture({
         "session": {"name": "", "seed": seed},
@@ -275,7 +263,7 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, light: ar
                       for name in known},
         "reconstruct": {"width": width}, "sampling": arguments.sampling_of(draws=draws),
         "picture": None if picture is None else {}})
-    assert isinstance(capture, SceneCapture)
+    assert isinstance(capture, captured.SceneCapture)
     if scale is not None:
         capture = replace(capture, views=(replace(capture.views[0], scale=scale),))
     with progress_steps(progress, "scene") as show:
@@ -288,7 +276,7 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, light: ar
 
 
 def _calibration(camera: arguments.CameraLike, light: Spectrum, photo: Photo, errors: Repeatability
-                 ) -> tuple[Calibration, ChartFit | None, LightScale | None]:
+                 ) -> tuple[Calibration, records.ChartFit | None, LightScale | None]:
     """The calibration that a camera brings along, how it explains its chart, and the strength of
     the light on the scene, as far as either is known.
     """
@@ -298,17 +286,18 @@ def _calibration(camera: arguments.CameraLike, light: Spectrum, photo: Photo, er
         return replace(camera, light=light), None, camera.light_scale
     if not isinstance(camera, CameraEstimate):
         curves = arguments.as_curves(camera)
-        return calibration_from_curves(FINE_GRID, curves, light, CURVES_ERROR), None, None
+        return calibration_from_curves(grid.FINE_GRID, curves, light,
+                                       captured.CURVES_ERROR), None, None
     calibration = replace(camera.calibration, light=light)
     if camera.photo is None:        # patches without an exposure
         return replace(calibration, light_scale=None), None, None
     scale, made = calibration.light_scale, camera.fit.chart
     if scale is not None:
-        scale = scale_for_photo(scale, camera.photo, photo.image)
+        scale = light_scale.scale_for_photo(scale, camera.photo, photo.image)
         for cause, error in ((error_model.REPEATABILITY, errors.relative_error),
                              (error_model.SCENE_LEVEL, errors.scene_level)):
             scale = error_model.with_common_error(scale, cause, error)
-    fit = ChartFit(made.predicted, np.full(len(made.predicted), np.nan),
-                   certain_glare(made.prior_fit, camera.photo), None, made.prior_influence,
-                   camera.fit.held_out)
+    fit = records.ChartFit(made.predicted, np.full(len(made.predicted), np.nan),
+                           certain_glare(made.prior_fit, camera.photo), None, made.prior_influence,
+                           camera.fit.held_out)
     return calibration, fit, scale

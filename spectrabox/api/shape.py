@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spectrabox.api import arguments
-from spectrabox.api.estimates import SpectrumEstimates
+from spectrabox.api import arguments, estimates
 from spectrabox.api.photo import Photo, open_photo
 from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.calibrate.chart_calibration import calibration_from_curves
@@ -21,25 +20,16 @@ from spectrabox.measure.captured import CURVES_ERROR
 from spectrabox.measure.estimate import Estimate
 from spectrabox.measure.signals import sample, signal_capture
 from spectrabox.measure.signals.options import SampleOptions
-from spectrabox.radiometry import error_model, light_scale
+from spectrabox.radiometry import error_model, grid, light_scale
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import write_text_whole
-from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.interreflection import response_matrix, white_signal
+from spectrabox.radiometry.records import scenes, spectra
 from spectrabox.radiometry.records.calibration import Calibration, LightScale
-from spectrabox.radiometry.records.scenes import Reconstruction
-from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
-from spectrabox.radiometry.system.threads import one_blas_thread
-from spectrabox.radiometry.system.words import sharing_a_file
+from spectrabox.radiometry.system import threads, words
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba, threads_given_back
-from spectrabox.reconstruct.scene import edit_scene
-from spectrabox.reconstruct.scene.scene_file import (
-    SceneFile,
-    read_scene,
-    require_same_shape,
-    scene_of_text,
-)
+from spectrabox.reconstruct.scene import edit_scene, scene_file
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.shape import mesh as meshes
 from spectrabox.reconstruct.shape import paints, shape_fit
@@ -57,7 +47,7 @@ SQUARE = 1e-3               # relative difference of a camera's focal lengths in
 PoseLike = Path | str | Sequence[str | Path] | np.ndarray
 
 
-class ShapeSpectra(SpectrumEstimates):
+class ShapeSpectra(estimates.SpectrumEstimates):
     """An object's closed mesh with the estimates of its materials' spectra, and the photos that it
     explains.
 
@@ -97,7 +87,7 @@ class ShapeSpectra(SpectrumEstimates):
     """
 
     def __init__(self, estimates: Sequence[Estimate], shape: shape_fit.ShapeReconstruction,
-                 material_of_face: np.ndarray, found: Sequence[Reconstruction],
+                 material_of_face: np.ndarray, found: Sequence[scenes.Reconstruction],
                  painted: paints.PaintLabels) -> None:
         super().__init__(estimates)
         by_all = {name: starts.signal_of_photos(found, name) for name in self}
@@ -112,7 +102,7 @@ class ShapeSpectra(SpectrumEstimates):
             for number, one in enumerate(found))
         self.descent = dict(zip(self, shape.spectra, strict=True))
         self.loss_history = shape.loss_history
-        self.converged = shape.outcome is Outcome.CONVERGED
+        self.converged = shape.outcome is spectra.Outcome.CONVERGED
 
     @threads_given_back()
     def to_ply(self, path: str | Path) -> Path:
@@ -195,7 +185,7 @@ class ShapeSpectra(SpectrumEstimates):
 
 
 @threads_given_back()
-@one_blas_thread()
+@threads.one_blas_thread()
 def fit_shape(photos: Sequence[str | Path | Photo | np.ndarray], poses: PoseLike, *,
               camera: arguments.CameraLike, light: arguments.LightLike,
               white: ArrayLike | None = None, masks: Sequence[ArrayLike] | None = None,
@@ -305,7 +295,7 @@ def fit_shape(photos: Sequence[str | Path | Photo | np.ndarray], poses: PoseLike
                    for stage, count in zip(shape_fit.STAGES, steps, strict=False))
     spectrum = arguments.as_spectrum(light)
     calibration = _relative_to_white(calibration_from_curves(
-        FINE_GRID, arguments.as_curves(camera), spectrum, CURVES_ERROR))
+        grid.FINE_GRID, arguments.as_curves(camera), spectrum, CURVES_ERROR))
     views = _views(opened, shown, calibration, white, [own > 0 for own in labels] or masks, width)
     painted = _painted(names, labels, views)
     vertices, faces, middle = _start_mesh(start, views)
@@ -336,7 +326,7 @@ def _materials(materials: Sequence[str] | None, masks: Sequence[ArrayLike] | Non
         return (name,), ()
     names = tuple(materials)
     if isinstance(materials, str) or not names or len(set(names)) < len(names) \
-            or sharing_a_file(names):
+            or words.sharing_a_file(names):
         raise InputError(f"materials={materials!r} was given; give a list of different names, such "
                          "as materials=[\"red paint\", \"blue paint\"]")
     if masks is None:
@@ -374,7 +364,7 @@ def _relative_to_white(calibration: Calibration) -> Calibration:
 # ---- cameras and lamps ---------------------------------------------------------------------------
 
 def _scenes(photos: Sequence[object], opened: Sequence[Photo], poses: PoseLike,
-            intrinsics: ArrayLike | None, flash: np.ndarray) -> list[SceneFile]:
+            intrinsics: ArrayLike | None, flash: np.ndarray) -> list[scene_file.SceneFile]:
     """A scene for each photo: camera, light, and a shape with the id ``OBJECT``."""
     if isinstance(poses, np.ndarray):
         return [_scene_of_pose(each, pose, flash, f"pose {number}") for number, (each, pose)
@@ -403,7 +393,7 @@ def _scenes(photos: Sequence[object], opened: Sequence[Photo], poses: PoseLike,
         return scenes
     if len(poses) != len(photos):
         raise InputError(f"{len(poses)} poses were given for {len(photos)} photos; give one each")
-    scenes = [read_scene(Path(pose)) for pose in poses]
+    scenes = [scene_file.read_scene(Path(pose)) for pose in poses]
     for scene in scenes:
         if list(scene.surfaces) != [OBJECT]:
             raise InputError(f"{scene.path.name} holds {', '.join(scene.surfaces) or 'no shape'}; "
@@ -431,7 +421,7 @@ def _posed(opened: Sequence[Photo], poses: np.ndarray,
 
 
 def _scene_of_pose(own: lens.Lens, world_to_camera: np.ndarray, flash: np.ndarray,
-                   name: str) -> SceneFile:
+                   name: str) -> scene_file.SceneFile:
     """A scene with this camera, a small lamp beside it, and a ball that is replaced."""
     if np.any(own.distortion != 0):
         raise InputError(f"the lens of {name} is distorted; undistort the photos first (colmap "
@@ -457,13 +447,13 @@ def _scene_of_pose(own: lens.Lens, world_to_camera: np.ndarray, flash: np.ndarra
     ET.SubElement(bsdf, "spectrum", name="reflectance", value="0.5")
     shape = ET.SubElement(root, "shape", type="sphere", id=OBJECT)
     ET.SubElement(shape, "ref", id="paint")
-    return scene_of_text(ET.tostring(root, encoding="unicode"), Path(f"{name}.xml"))
+    return scene_file.scene_of_text(ET.tostring(root, encoding="unicode"), Path(f"{name}.xml"))
 
 
 # ---- photos --------------------------------------------------------------------------------------
 
-def _views(opened: Sequence[Photo], scenes: Sequence[SceneFile], calibration: Calibration,
-           white: ArrayLike | None, masks: Sequence[ArrayLike] | None,
+def _views(opened: Sequence[Photo], scenes: Sequence[scene_file.SceneFile],
+           calibration: Calibration, white: ArrayLike | None, masks: Sequence[ArrayLike] | None,
            width: int) -> list[PhotoView]:
     """The photos relative to white, on black, at the size that is compared."""
     bands = len(calibration.sensitivity.curves)
@@ -485,7 +475,7 @@ def _views(opened: Sequence[Photo], scenes: Sequence[SceneFile], calibration: Ca
             image.signal.shape[1], image.signal.shape[0], width))
         image = replace(image, signal=(image.signal / own).astype(np.float32),
                         variance=(image.variance / own**2).astype(np.float32))
-        require_same_shape(photo.image, scene, name)
+        scene_file.require_same_shape(photo.image, scene, name)
         view = PhotoView(name, scene, image, calibration, tuple(f"band {band + 1}" for band
                                                                 in range(bands)),
                          (MaterialSpec(OBJECT, scene.surfaces[OBJECT]),))
@@ -529,7 +519,7 @@ def _lit(views: Sequence[PhotoView], middle: np.ndarray, same_lamp: bool) -> lis
 
 # ---- the spectrum --------------------------------------------------------------------------------
 
-def _estimate(name: str, found: Sequence[Reconstruction], response: np.ndarray,
+def _estimate(name: str, found: Sequence[scenes.Reconstruction], response: np.ndarray,
               light_error: float, sensitivity_error: float, options: SampleOptions) -> Estimate:
     """The estimate of a material's spectrum; the error of the shape is among those of the signal.
     """
@@ -540,5 +530,5 @@ def _estimate(name: str, found: Sequence[Reconstruction], response: np.ndarray,
     capture = signal_capture.SignalCapture(response, signal[None], (name,), np.ones(signal.size),
                                            np.sqrt(np.diagonal(noise)), light_error,
                                            sensitivity_error)
-    base = SpectralMeasurement(FINE_GRID, response, signal, noise)
+    base = spectra.SpectralMeasurement(grid.FINE_GRID, response, signal, noise)
     return sample.estimate_from_draws(name, base, causes, options, capture)

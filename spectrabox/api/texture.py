@@ -15,11 +15,7 @@ from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.formats.delimited import table_text
 from spectrabox.radiometry.spectra.given_spectra import KnownSpectrum, as_reflectance
 from spectrabox.radiometry.system.words import file_stem
-from spectrabox.reconstruct.rendering.renderer import (
-    read_spectral_picture,
-    start_mitsuba,
-    threads_given_back,
-)
+from spectrabox.reconstruct.rendering import renderer
 from spectrabox.reconstruct.scene.split_texture import paints_of_picture, split_shape
 
 MAX_PAINTS = 8
@@ -53,7 +49,7 @@ class SplitTexture:
     error: float
 
 
-@threads_given_back()
+@renderer.threads_given_back()
 def split_texture(scene: str | Path, shape: str,
                   picture: str | Path | tuple[ArrayLike, Sequence[KnownSpectrum]], *,
                   paints: int = MAX_PAINTS) -> SplitTexture:
@@ -97,10 +93,10 @@ def split_texture(scene: str | Path, shape: str,
     ...     materials={"white": None, "cube": None} | split.materials)
     """
     source = Path(scene)
-    start_mitsuba("auto")
+    renderer.start_mitsuba("auto")
     error = 0.0
     if isinstance(picture, str | Path):
-        pixels, nm = read_spectral_picture(str(Path(picture).resolve()))
+        pixels, nm = renderer.read_spectral_picture(str(Path(picture).resolve()))
         paint, spectra, error = paints_of_picture(pixels, paints)
     else:
         nm, paint = FINE_GRID.nm, np.asarray(picture[0])

@@ -16,9 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.radiometry.appearance import TO_SRGB, adapted_tristimulus
+from spectrabox.radiometry import appearance, files
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
-from spectrabox.radiometry.files import whole_folder
 from spectrabox.radiometry.spectra.spectral_layers import QUANTITY
 from spectrabox.radiometry.system.strips import WriteRows, written_by_strips
 
@@ -103,7 +102,7 @@ def zarr_rows(path: Path, height: int, width: int, nm: np.ndarray, half: bool,
         If it cannot be written, or Zarr is not installed.
     """
     _library()
-    with whole_folder(path) as unfinished:
+    with files.whole_folder(path) as unfinished:
         create_picture(unfinished, height, width, nm, half, attributes, white)
         with _rows_of(unfinished, (height, width, nm.size)) as take:
             yield take
@@ -133,7 +132,7 @@ def create_picture(folder: Path, height: int, width: int, nm: np.ndarray, half: 
 
 def _ome_metadata(name: str, nm: np.ndarray, white: float) -> dict[str, Any]:
     """What OME-Zarr 0.5 states of an image, with a channel for each wavelength in its own hue."""
-    hues = np.clip((TO_SRGB @ adapted_tristimulus(nm, "D65")).T, 0, None)
+    hues = np.clip((appearance.TO_SRGB @ appearance.adapted_tristimulus(nm, "D65")).T, 0, None)
     hues = np.rint(255 * hues / np.maximum(hues.max(axis=1, keepdims=True), 1e-9)).astype(int)
     shown = {int(np.argmin(np.abs(nm - wavelength))) for wavelength in SHOWN_NM}
     return {
