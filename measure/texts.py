@@ -800,6 +800,9 @@ FLAT: dict[str, Text] = {
         f"spectrum gives in the chart's light{values['where']}: that is another's, or chart and "
         "samples were photographed under different light",
         "Correct the stated spectrum, or take both under one light.", "{off:+.0%}"),
+    "flat.known-clipped": _left_out(
+        "“{subject}” is saturated in every band",
+        "Expose less, or outline a part of it without reflections."),
     "flat.known-on-chart": _left_out(
         "“{subject}” lies on the chart, whose patches are used already and say nothing of the "
         "light on the samples",

@@ -327,6 +327,17 @@ def test_a_patch_of_the_chart_is_no_white_card(flat_session):
     assert left_out(run(flat_session)) == {"flat.known-on-chart": "card"}
 
 
+def test_a_card_that_is_overexposed_is_left_out_and_all_others_are_measured(flat_session):
+    light = light_over()
+    x0, y0, x1, y1 = rect_of("white_wall")
+    light[y0:y1, x0:x1] *= 3
+    write_photo(flat_session / "photos" / "sample.dng", picture(light=light), Fraction(1, 60),
+                np.random.default_rng(7), brightest=1.6)
+    (flat_session / "session.toml").write_text(HEAD + regions_toml(known=("white_wall",)),
+                                               encoding="utf-8")
+    assert left_out(run(flat_session)) == {"flat.known-clipped": "white_wall"}
+
+
 @pytest.mark.parametrize("error, standing", [(None, "measured"), (0.005, "measured"),
                                              (0.03, "stated")])
 def test_a_card_measures_the_light_as_well_as_its_reflectance_is_known(flat_session, error,

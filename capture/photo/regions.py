@@ -1,7 +1,7 @@
 """Signals of the regions of a photo that an operator outlined."""
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -18,7 +18,8 @@ POINTS_A_SIDE = 5           # of the grid at which the light on a region is look
 
 
 def sample_regions(image: photos.LinearImage, outlines: Mapping[str, Outline], *,
-                   without_clipped: bool = False) -> photos.RegionSamples:
+                   without_clipped: bool = False,
+                   known: Collection[str] = ()) -> photos.RegionSamples:
     """Mean signal of each region, its error and its unevenness.
 
     The mean is that of every pixel inside, whatever is painted there; its covariance is that of the
@@ -34,19 +35,23 @@ def sample_regions(image: photos.LinearImage, outlines: Mapping[str, Outline], *
     without_clipped : bool
         Take a region of which more than 1 % is saturated in some bands: the result names them, and
         their means say nothing. For photos beside others; photos of more than three bands always.
+    known : collection of str
+        Regions of known spectrum, without which the others can be measured: those may be saturated
+        in some bands, or in all.
 
     Raises
     ------
     InputError
         If a region leaves the photo or holds fewer than 16 pixels.
     ClippedPhotoError
-        If more than 1 % of a region is saturated, in all bands where some may be.
+        If more than 1 % of another region is saturated, in all bands where some may be.
     """
     without_clipped |= image.signal.shape[2] > COLOURS
     one_by_one, edges = [], {}
     for name, corners in outlines.items():
         statistics, edge = _one_region(image, np.array(corners, dtype=float),
-                                       f"photo {image.source}: region {name!r}", without_clipped)
+                                       f"photo {image.source}: region {name!r}",
+                                       without_clipped or name in known, name in known)
         one_by_one.append(statistics)
         if edge is not None:
             edges[name] = edge
@@ -145,15 +150,15 @@ def _require_readable(saturated: np.ndarray, sensor_step: float, corners_px: np.
                                 f"or {less_light}")
 
 
-def _one_region(image: photos.LinearImage, corners_px: np.ndarray, name: str,
-                without_clipped: bool) -> tuple[tuple[np.ndarray, ...], photos.RegionEdge | None]:
+def _one_region(image: photos.LinearImage, corners_px: np.ndarray, name: str, without_clipped: bool,
+                known: bool) -> tuple[tuple[np.ndarray, ...], photos.RegionEdge | None]:
     saturated = image.saturated
     y, x = pixels_in_polygon(image_from_sensor(corners_px, image.sensor_step),
                              *saturated.shape[:2])
     clipped = np.zeros(saturated.shape[2], bool)
     if without_clipped and y.size:
         clipped = saturated[y, x].mean(axis=0) > CLIPPED_LIMIT
-    y, x = region_pixels(saturated if clipped.all() else saturated[..., ~clipped],
+    y, x = region_pixels(saturated if clipped.all() and not known else saturated[..., ~clipped],
                          image.sensor_step, corners_px, name)
     signal, variance = image.signal[y, x].astype(float), image.variance[y, x].mean(axis=0)
     mean = signal.mean(axis=0)
@@ -162,7 +167,8 @@ def _one_region(image: photos.LinearImage, corners_px: np.ndarray, name: str,
     plane = terms @ (np.linalg.pinv(terms.T @ terms, hermitian=True) @ (terms.T @ signal))
     beyond = np.maximum(((signal - plane) ** 2).mean(axis=0) - variance, 0)
     scatter = np.sqrt(beyond) / np.maximum(np.abs(mean), np.finfo(np.float32).tiny)
-    edge = region_edge(np.where(clipped, np.nan, signal), variance, x, y, image.sensor_step)
+    edge = None if clipped.all() else region_edge(np.where(clipped, np.nan, signal), variance, x, y,
+                                                  image.sensor_step)
     return (mean, np.diag(variance / y.size), np.array(y.size), scatter, _points(corners_px),
             clipped), edge
 

@@ -119,7 +119,8 @@ class PointedSample:
         outlines = {name: outline for name, outline in outlines_in(
             capture, view, self.registrations.get(view.name)).items() if name in wanted}
         return regions.sample_regions(self.images[view.name], outlines,
-                              without_clipped=len(capture.views) > 1) if outlines else None
+                                      without_clipped=len(capture.views) > 1,
+                                      known=capture.known) if outlines else None
 
     def signal(self, name: str, region: captured.Region) -> flat_signals.RegionSignal:
         """The signal of a region, which need not be one of the capture.

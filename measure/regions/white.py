@@ -244,18 +244,33 @@ def white_at_regions(photo: FlatPhoto, known: Mapping[str, np.ndarray], errors: 
 
 def agreeing_known(photos: Sequence[FlatPhoto], known: Mapping[str, np.ndarray],
                    errors: FlatErrors) -> tuple[dict[str, np.ndarray], list[Finding]]:
-    """The regions of known spectrum that contradict the light of no photo, and why each other one
-    is left out: what is stated of a card is wrong in all photos or in none.
+    """The regions of known spectrum that a photo shows unclipped and that contradict the light of
+    none, and why each other one is left out: what is stated of a card is wrong in all photos or in
+    none.
 
     Parameters and Raises as of ``white_at_regions``.
     """
-    agreeing, left_out = dict(known), []
+    agreeing, left_out = {}, []
+    for name, spectrum in known.items():
+        if _is_clipped(name, photos):
+            left_out.append(Finding("flat.known-clipped", Severity.WARN, name))
+        else:
+            agreeing[name] = spectrum
     for photo in photos:
         white = white_at_regions(photo, agreeing, errors)
         for finding in () if white is None else white.left_out:
             del agreeing[finding.subject]
             left_out.append(finding)
     return agreeing, left_out
+
+
+def _is_clipped(name: str, photos: Sequence[FlatPhoto]) -> bool:
+    """Whether a region is saturated in every band of every photo that shows it."""
+    shown = [photo.samples for photo in photos
+             if photo.samples is not None and name in photo.samples.names]
+    return bool(shown) and all(
+        samples.clipped is not None and samples.clipped[samples.names.index(name)].all()
+        for samples in shown)
 
 
 def white_told_by(photo: FlatPhoto, white: PhotoWhite, known: Mapping[str, np.ndarray],
@@ -380,6 +395,8 @@ def condition_on_known(white: PhotoWhite, known: Mapping[str, np.ndarray],
     for name in known:
         region = white.samples.names.index(name)
         read = np.flatnonzero(~white.clipped(region))
+        if not read.size:       # another photo shows it
+            continue
         within = np.ix_(read, read)
         rows = white.jacobian(region)[read]
         target = known[name][read]

@@ -134,7 +134,7 @@ def measure_flat_photos(capture: captured.FlatCapture, records: CaptureRecords,
     Raises
     ------
     ClippedPhotoError
-        If a region is saturated.
+        If a region of unknown spectrum is saturated.
     InputError
         If a region leaves its photo, a photo through a filter is the one without it, or two cameras
         took the photos or the chart's.
@@ -165,7 +165,8 @@ def measure_flat_photos(capture: captured.FlatCapture, records: CaptureRecords,
                 findings.append(_not_registered(capture, records, view))
         outlines = outlines_in(capture, view, registrations.get(view.name))
         if outlines:
-            regions[view.name] = sample_regions(photo, outlines, without_clipped=several)
+            regions[view.name] = sample_regions(photo, outlines, without_clipped=several,
+                                                known=capture.known)
             findings += uneven_regions(regions[view.name], view.name)
         photos[view.name] = preview.thumbnail(photo, PHOTO_THUMBNAIL_WIDTH)
         if view.filter is not None and np.array_equal(photos[view.name].signal,
