@@ -46,7 +46,7 @@ HUBER = 3.0                 # standard deviations beyond which a block's pull gr
 SLOPE_SPP, SOLVED_SPP = 64, 256     # paths per pixel of a derivative's traces, of a fit's
 DISAGREEMENT = 0.01         # of surfaces, or within them, from which the scene is estimated
 # that an estimate may leave, and as a share of what it found: one of a lamp, camera or lens that is
-# off leaves .003 to .017, one that is fitted to paints that shine .033 and more
+# off leaves .003 to .017, one that is fitted to paints that shine .025 and more
 # (benchmarks/bench_scene_estimate.py, bench_scene_faults.py)
 LEFT, LEFT_SHARE = 0.02, 0.25
 CHANCE = 1e-3               # that a right scene shows as much

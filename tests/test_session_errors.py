@@ -34,7 +34,7 @@ from spectrabox.measure.surfaces.surface_spectra import score
 from spectrabox.radiometry.error_model import REPEATABILITY, ROUNDED_EXPOSURES, SCENE_LEVEL
 from spectrabox.radiometry.findings import Severity
 from spectrabox.radiometry.records.calibration import ChartWhite, LightScale
-from spectrabox.reconstruct.rendering.renderer import _read
+from spectrabox.reconstruct.rendering.renderer import read_spectral_picture
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
 SIGMAS = 3.9
@@ -243,7 +243,7 @@ def test_the_texture_of_a_wall_seen_face_on_is_the_picture_of_it(tmp_path, monke
         part = slice(first * columns, (first + 2) * columns)
         made.add(first, first + 2, PhotoSpectra(mean[part], mean[part], None, seen[part], None))
     write_textures(made.textures(), layout, tmp_path)
-    picture, nm = _read(str(tmp_path / "texture-wall.exr"))
+    picture, nm = read_spectral_picture(str(tmp_path / "texture-wall.exr"))
     np.testing.assert_array_equal(nm, PRIOR_GRID.nm)
     np.testing.assert_array_equal(picture, mean.reshape(*shape, 61))    # sixteenths
 
