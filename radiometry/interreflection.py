@@ -204,10 +204,11 @@ def band_products_jacobian(exponents: np.ndarray, reflectances: np.ndarray, resp
     lower, _ = _recurrence(exponents.tobytes(), exponents.shape)
     bands, coefficients = response.shape[0], basis.shape[1]
     carrier = (response.T[:, :, None] * basis[:, None, :]).reshape(len(basis), bands * coefficients)
-    jacobian = np.empty((len(exponents), bands, len(unknown), coefficients))
+    jacobian = np.zeros((len(exponents), bands, len(unknown), coefficients))
     for column, m in enumerate(unknown):
-        derivative = exponents[:, m, None] * values[lower[:, m]]
-        jacobian[:, :, column] = (derivative @ carrier).reshape(len(exponents), bands, coefficients)
+        met = np.flatnonzero(exponents[:, m])       # of many materials a product has few
+        derivative = exponents[met, m, None] * values[lower[met, m]]
+        jacobian[met, :, column] = (derivative @ carrier).reshape(met.size, bands, coefficients)
     return values[:-1] @ response.T, jacobian
 
 

@@ -237,8 +237,13 @@ class ViewTerms:
             plain, slope = light[:, None] * plain, light[:, None, None] * slope
         predicted = factor * (rows @ (plain @ mixing.T))
         derivative = np.zeros((*predicted.shape, self.size))
-        by_coefficient = (rows @ slope.reshape(len(slope), -1)).reshape(len(rows), self.bands,
-                                                                        self.count)
+        by_coefficient = np.empty((len(rows), self.bands, self.count))
+        size = self.model.basis.shape[1]
+        for number, material in enumerate(self.model.unknown):
+            met = np.flatnonzero(np.tile(self.model.exponents[:, material] > 0, self.lights))
+            own = slice(number * size, (number + 1) * size)
+            by_coefficient[..., own] = (rows[:, met] @ slope[met, :, own].reshape(
+                met.size, self.bands * size)).reshape(len(rows), self.bands, size)
         if self.mix.stop > self.mix.start:
             by_coefficient = np.einsum("kj,qjn->qkn", mixing, by_coefficient, optimize=True)
             unmixed = rows @ plain
