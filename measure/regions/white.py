@@ -265,12 +265,15 @@ def agreeing_known(photos: Sequence[FlatPhoto], known: Mapping[str, np.ndarray],
 
 
 def _is_clipped(name: str, photos: Sequence[FlatPhoto]) -> bool:
-    """Whether a region is saturated in every band of every photo that shows it."""
-    shown = [photo.samples for photo in photos
-             if photo.samples is not None and name in photo.samples.names]
-    return bool(shown) and all(
-        samples.clipped is not None and samples.clipped[samples.names.index(name)].all()
-        for samples in shown)
+    """Whether a region, or the chart, is saturated in every band of every photo that shows it."""
+    bands = []
+    for photo in photos:
+        samples = photo.samples
+        if samples is not None and name in samples.names:
+            clipped = False if samples.clipped is None else \
+                samples.clipped[samples.names.index(name)]
+            bands.append(photo.lost_bands | clipped)
+    return bool(bands) and bool(np.all(bands))
 
 
 def white_told_by(photo: FlatPhoto, white: PhotoWhite, known: Mapping[str, np.ndarray],
