@@ -122,7 +122,7 @@ def aligned(view: PhotoView, shift: tuple[float, float]) -> PhotoView:
 def without_curve(view: PhotoView, power: float) -> PhotoView:
     """The view with each band of its photo raised to 1 / power, about the mean of its white."""
     white = view.used & np.isin(view.surface, [
-        index for index, name in enumerate(view.surface_materials) if name == "white"])
+        index for index, bsdf in enumerate(view.scene_file.surfaces.values()) if bsdf == "white"])
     level = view.photo.signal[white].mean(axis=0)
     share = np.maximum(view.photo.signal / level, 1e-6)
     slope = share ** (1 / power - 1) / power

@@ -45,8 +45,8 @@ WEIGHING_ROUNDS = 3         # in which a surface's own pattern is told
 HUBER = 3.0                 # standard deviations beyond which a block's pull grows no more
 SLOPE_SPP, SOLVED_SPP = 64, 256     # paths per pixel of a derivative's traces, of a fit's
 DISAGREEMENT = 0.01         # of surfaces, or within them, from which the scene is estimated
-# that an estimate may leave, and as a share of what it found: one of a lamp, camera or lens that is
-# off leaves .003 to .017, one that is fitted to paints that shine .025 and more
+# that lamp and lens may leave, and as a share of what there was: those that are off leave .003 to
+# .017, those that are fitted to paints that shine .025 and more
 # (benchmarks/bench_scene_estimate.py, bench_scene_faults.py)
 LEFT, LEFT_SHARE = 0.02, 0.25
 CHANCE = 1e-3               # that a right scene shows as much
@@ -61,6 +61,9 @@ EDGE_PX, FIELD_PX = 1.0, 3.0    # of blurs: that makes edges differentiable, tha
 MIN_GRADIENT, MIN_EDGE_PIXELS = 0.05, 50    # of the logarithm by pixel, from which it is an edge
 POSE_ROUNDS = 2
 MIN_TURN_PX = 0.1           # a pose that moves edges by less is as stated
+# of what edges differ by, that a camera's move must explain: one that is off explains .86 to .93,
+# light that falls otherwise on edges, as of paints that shine, .04 to .43
+EDGES_EXPLAINED = 0.6
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +97,7 @@ class PoseStep:
     to_world: np.ndarray        # (4, 4) as of Mitsuba's sensors
     turn: np.ndarray            # (3,) rotation vector, radians
     turn_error: float           # standard error along it, radians
-    move_px: float              # by which it moves edges, root mean square
+    explained: float            # share of the edges' squared differences that it explains
 
 
 def estimate_pose(view: PhotoView, rendered: np.ndarray) -> PoseStep | None:
@@ -147,10 +150,11 @@ def estimate_pose(view: PhotoView, rendered: np.ndarray) -> PoseStep | None:
     move_px = float(np.sqrt(np.mean(np.sum(moved**2, axis=1))))
     if (pose @ np.linalg.solve(covariance, pose) < chdtri(6, CHANCE) or move_px < MIN_TURN_PX):
         return None
+    left = np.sum(weight * (wanted - rows @ pose) ** 2) / np.sum(weight * wanted**2)
     size = np.linalg.norm(pose[:3])
     along = pose[:3] / max(size, 1e-12)
     return PoseStep(camera.placed(pose), camera.axes.T @ pose[:3],
-                    float(np.sqrt(along @ covariance[:3, :3] @ along)), move_px)
+                    float(np.sqrt(along @ covariance[:3, :3] @ along)), 1 - float(left))
 
 
 class _Camera:

@@ -88,8 +88,8 @@ def _with_scene_estimated(solved: _Solved, settings: InversionSettings,
     """One view solved with its scene as the photo shows it; as it is where photo and scene agree,
     or where no camera, lamp and lens explain why they do not.
 
-    Paints that shine send light where matt ones send none: a camera and a lamp that are fitted to
-    it leave much of it as it was, and are not so.
+    Paints that shine send light where matt ones send none: a camera that is fitted to it explains
+    little of the edges, lamp and lens leave much as it was, and they are not so.
     """
     stated, tied, _, solutions = solved
     before = _disagreement(tied[0], solutions[0])
@@ -106,15 +106,17 @@ def _with_scene_estimated(solved: _Solved, settings: InversionSettings,
     estimate = _lamp_estimated(placed, settings)
     if estimate is not None and estimate.findings:      # nothing is moved by such a photo
         return _with_findings(solved, estimate.findings)
-    covariance = {}
+    covariance: Mapping[str, np.ndarray] = {}
     if estimate is not None:
-        view, parts, covariance = placed[0], [*parts, *estimate.parts], estimate.covariance
+        view = placed[0]
         unit = unit_scene(estimate.view, _bounces(estimate.view, settings))
         transport = trace_view(estimate.view, unit, view.region, view.group, settings.seed,
                                lambda done, what: None)
-        placed = _solved_alone(replace(view, view=estimate.view, traced=transport), settings)
-    after = _disagreement(placed[1][0], placed[3][0])
-    if not parts or after > max(scene_estimate.LEFT, scene_estimate.LEFT_SHARE * before):
+        lit = _solved_alone(replace(view, view=estimate.view, traced=transport), settings)
+        if _disagreement(lit[1][0], lit[3][0]) < max(scene_estimate.LEFT,
+                                                     scene_estimate.LEFT_SHARE * before):
+            placed, parts, covariance = lit, [*parts, *estimate.parts], estimate.covariance
+    if not parts:
         return solved
     return _with_findings(placed, (scene_estimate.finding(parts), *cropped), covariance)
 
@@ -147,11 +149,11 @@ def _with_camera_estimated(solved: _Solved,
     """The view with its camera where the edges of the photo put it, and that as a part of the
     scene; as it is, and none, where they agree.
     """
-    turn, parts = np.zeros(3), []
+    turn, parts = np.zeros(3), list[dict[str, Any]]()
     for _ in range(scene_estimate.POSE_ROUNDS):
         view, images = solved[0].view, solved[3][0].renderings
         step = scene_estimate.estimate_pose(view, images.mean(axis=0))
-        if step is None:
+        if step is None or (not parts and step.explained < scene_estimate.EDGES_EXPLAINED):
             break
         placed = replace(view, scene_file=edit_scene.with_camera_at(view.scene_file, step.to_world))
         traced, = trace_views([placed], settings, lambda done, what: None)
