@@ -2,10 +2,13 @@
 
 "nothing known": the demo's box with other paints in every case, photographed in 3, 6 or 9 bands by
 a camera of known curves under a known light spectrum; neither a chart nor a paint tells the level
-of the light. "28 materials": the Cornell box with 25 patches on its back wall, 5 bounces. "metal":
-the box with one wall of a rough metal, 96 pixels wide. Photos are stock Mitsuba's, from spectra.
+of the light. "28 materials": the Cornell box with 25 patches on its back wall, 5 bounces; "103
+materials": with 100 of them, 3 bounces, 128 pixels wide. "metal": the box with one wall of a rough
+metal, 96 pixels wide. Photos are stock Mitsuba's, from spectra.
 
     python -m benchmarks.bench_stated_scenes [--cases 5]
+
+With ``--cases 0`` the rows of times alone.
 """
 from __future__ import annotations
 
@@ -38,7 +41,7 @@ from benchmarks.ledger import boxes, simulated
 
 NOISE, WIDTH, SPP = 0.003, 40, 16       # of the photo; of the view; paths per pixel of the photo
 PATCH = ('<bsdf type="diffuse" id="m{0}"><spectrum name="reflectance" value="0.5"/></bsdf>'
-         '<shape type="rectangle" id="s{0}"><transform name="to_world"><scale value="0.16"/>'
+         '<shape type="rectangle" id="s{0}"><transform name="to_world"><scale value="{3:.2f}"/>'
          '<translate x="{1:.2f}" y="{2:.2f}" z="-0.98"/></transform><ref id="m{0}"/></shape>')
 PLAIN = '<bsdf type="diffuse" id="red"><spectrum name="reflectance" value="0.5"/></bsdf>'
 METAL = ('<bsdf type="twosided" id="red"><bsdf type="roughconductor"><float name="alpha" '
@@ -95,6 +98,16 @@ def timed(xml: str, width: int) -> tuple[float, float, float, str]:
             found.engine)
 
 
+def box_with_patches(side: int, width: int, bounces: int) -> str:
+    """The Cornell box without its cube, with side x side patches on its back wall."""
+    at = (2 * np.arange(side) + 1) / side - 1
+    patches = "".join(PATCH.format(number, at[number % side], at[number // side], 0.95 / side)
+                      for number in range(side**2))
+    empty = re.sub(r'<shape type="cube".*?</shape>', "", cornell_box_xml(width, bounces + 1),
+                   flags=re.DOTALL)
+    return empty.replace("</scene>", patches + "</scene>")
+
+
 def _photo(signal: np.ndarray) -> LinearImage:
     variance = np.maximum(signal, 1e-4) * 1e-4
     return LinearImage(signal.astype(np.float32), variance.astype(np.float32),
@@ -114,15 +127,14 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=5)
     cases = parser.parse_args().cases
     start_mitsuba("cpu")
-    patches = "".join(PATCH.format(number, -0.8 + 0.4 * (number % 5), -0.8 + 0.4 * (number // 5))
-                      for number in range(25))
-    empty = re.sub(r'<shape type="cube".*?</shape>', "", cornell_box_xml(96, 6), flags=re.DOTALL)
-    for name, xml in (("28 materials, 5 bounces", empty.replace("</scene>", patches + "</scene>")),
-                      ("rough metal, width 96", cornell_box_xml(96, 7).replace(PLAIN, METAL))):
-        foreseen, seconds, error, engine = timed(xml, 96)
+    for name, xml, width in (
+            ("28 materials, 5 bounces", box_with_patches(5, 96, 5), 96),
+            ("103 materials, 3 bounces", box_with_patches(10, 128, 3), 128),
+            ("rough metal, width 96", cornell_box_xml(96, 7).replace(PLAIN, METAL), 96)):
+        foreseen, seconds, error, engine = timed(xml, width)
         print(f"{name}: {seconds:.1f} s of processor (forecast {foreseen:.1f}), signals within "
               f"{error:.4f} rms; {engine}", flush=True)
-    for bands in (3, 6, 9):
+    for bands in (3, 6, 9) if cases else ():
         rows = [nothing_known(number, bands) for number in range(cases)]
         held, rmse, level = (np.array([row[index] for row in rows]) for index in range(3))
         print(f"nothing known, {bands} bands: held {held.mean():.3f} ± "
