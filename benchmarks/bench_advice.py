@@ -97,9 +97,9 @@ def with_reading(result: FlatSpectra, truth: np.ndarray,
             continue
         nm = float(advised[0].subject.split()[0])
         value = np.interp(nm, NM, truth[number]) + READING_ERROR * rng.standard_normal()
-        outlook = outlook_of(solve_posterior(load_prior(), condition(
-            estimate.measurement, [Reading.at_wavelength(nm, float(value))])), 0.95)
-        found[f"s{number}"] = outlook.width, outlook.colour
+        width, colour = outlook_of(solve_posterior(load_prior(), condition(
+            estimate.measurement, [Reading.at_wavelength(nm, float(value))])), 0.95).tolist()
+        found[f"s{number}"] = width, colour
     return found
 
 

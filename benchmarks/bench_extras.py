@@ -57,6 +57,7 @@ from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.photos import LinearImage, PhotoKind
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight
+from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.filters import stated_filter, unknown_filter
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
 from spectrabox.session.config.session_file import read_session
@@ -253,7 +254,7 @@ def answers_of(case: Case, sets: int) -> Iterator[tuple[str, FlatSpectra | Excep
     case : Case
     sets : int
     """
-    kept: dict[str, KeptRecord] = {}
+    kept: dict[str, Record | KeptRecord] = {}
     for number in range(sets + 1):
         regions, words = case.capture.regions, case.words
         if number:

@@ -172,11 +172,11 @@ def quality(kind: str, size: tuple[int, int], spp: int, seed: int,
     def noted(*given: Any) -> Any:
         """The light; but the first masks no highlights: all lights are scored by the same pixels.
         """
-        made = found(*given)
+        photo, *others = found(*given)
         if light != "as found":
-            made = replace(made, photo=replace(made.photo, highlights=False))
-        lit.append(made.photo)
-        return made
+            photo = replace(photo, highlights=False)
+        lit.append(photo)
+        return photo, *others
 
     answers = {}
     scene_light.converge_light = noted     # type: ignore[assignment]

@@ -361,7 +361,7 @@ def _geometry(result: scene_result.SceneResult) -> Finding:
 def _tied_to_known(result: scene_result.SceneResult) -> bool:
     """Whether surfaces of known spectrum in every photo tie its light."""
     return all(made.known_light is not None for made in
-               (result.reconstruction, *(view.reconstruction for view in result.views)))
+               (result.reconstruction, *(view for _, view in result.views.values())))
 
 
 def _known_materials(result: scene_result.SceneResult) -> list[str]:
@@ -443,7 +443,7 @@ def _mirrored(surfaces: Sequence[SurfaceResult]) -> float | None:
 
 def _common_error(result: scene_result.SceneResult, causes: Sequence[str]) -> float | None:
     """Standard error of the light scale by these causes, in the photo where it is largest."""
-    scales = [result.light_scale, *(view.reconstruction.light_scale for view in result.views)]
+    scales = [result.light_scale, *(made.light_scale for _, made in result.views.values())]
     errors = [float(np.hypot.reduce([0.0, *(error.relative for error in scale.common_errors
                                             if error.cause in causes)])) for scale in scales]
     return max(errors) or None

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import PurePosixPath
-from typing import Annotated, Any, Protocol, TypeVar
+from typing import Annotated, Any, Protocol, TypeVar, cast, runtime_checkable
 
 import numpy as np
 
@@ -22,8 +22,9 @@ Kind = TypeVar("Kind")
 CALIBRATED = "calibrated"   # name of a photo's picture in the colours of its calibration
 
 
+@runtime_checkable
 class KeptRecord(Protocol):
-    """The record of one step, in memory or on disk."""
+    """The record of one step on disk."""
 
     def read(self, kind: type[Kind]) -> Kind:
         """The record, which is of this kind."""
@@ -168,45 +169,49 @@ class CaptureRecords:
     Parameters
     ----------
     kept : mapping
-        By the names of steps; more may come while a measurement runs.
+        By the names of steps, each in memory or on disk; more may come while a measurement runs.
     """
 
-    def __init__(self, kept: Mapping[str, KeptRecord]) -> None:
+    def __init__(self, kept: Mapping[str, Record | KeptRecord]) -> None:
         self._kept = kept
+
+    def _read(self, step: str, kind: type[Kind]) -> Kind:
+        kept = self._kept[step]
+        return kept.read(kind) if isinstance(kept, KeptRecord) else cast(Kind, kept)
 
     @cached_property
     def chart(self) -> ChartRecords:
         """Without charts where none is needed."""
         if "chart" not in self._kept:
             return ChartRecords({}, ())
-        return self._kept["chart"].read(ChartRecords)
+        return self._read("chart", ChartRecords)
 
     @cached_property
     def photo(self) -> PhotoRecords:
-        return self._kept["photo"].read(PhotoRecords)
+        return self._read("photo", PhotoRecords)
 
     @cached_property
     def calibrate(self) -> CalibrationRecords:
-        return self._kept["calibrate"].read(CalibrationRecords)
+        return self._read("calibrate", CalibrationRecords)
 
     @cached_property
     def reconstruct(self) -> ReconstructionRecords:
         """Of a scene."""
-        return self._kept["reconstruct"].read(ReconstructionRecords)
+        return self._read("reconstruct", ReconstructionRecords)
 
     @cached_property
     def flat_signals(self) -> SignalRecords:
         """What the step "signals" made, of flat samples alone."""
-        return self._kept["signals"].read(SignalRecords)
+        return self._read("signals", SignalRecords)
 
     @cached_property
     def sample(self) -> SampleRecords:
-        return self._kept["sample"].read(SampleRecords)
+        return self._read("sample", SampleRecords)
 
     @cached_property
     def picture(self) -> PictureRecords | None:
         """None where no picture was asked for."""
-        return self._kept["picture"].read(PictureRecords) if "picture" in self._kept else None
+        return self._read("picture", PictureRecords) if "picture" in self._kept else None
 
     @property
     def signals(self) -> SurfaceSignals:

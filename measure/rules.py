@@ -423,21 +423,22 @@ def clipped_flat(share: float) -> Finding:
 def scene_findings(found: scene_result.SceneResult) -> list[Finding]:
     """Photo against rendering, misfits, the fit, known surfaces, rehearsal, what is not corrected.
     """
-    photos = [("", found.reconstruction, found.bands),
-              *((view.name, view.reconstruction, view.bands) for view in found.views)]
-    agreement = [median_surface(made.agreement, photo) for photo, made, _ in photos]
-    agreement += [worst_surface(made.agreement, bands, photo) for photo, made, bands in photos]
-    misfits = [one for photo, made, bands in photos for one in misfits_of(made, bands, photo)]
+    bands = found.bands
+    photos = [("", found.reconstruction),
+              *((name, made) for name, (_, made) in found.views.items())]
+    agreement = [median_surface(made.agreement, photo) for photo, made in photos]
+    agreement += [worst_surface(made.agreement, bands, photo) for photo, made in photos]
+    misfits = [one for photo, made in photos for one in misfits_of(made, bands, photo)]
     if found.picture is not None:
         # one spectrum cannot fit a surface with patterns, of which the picture has every pixel's
         agreement = [replace(one, severity=Severity.INFO) for one in agreement]
-        misfits = [*patterned([made for _, made, _ in photos])]
-    unusable = [of_photo(one, photo) for photo, made, _ in photos for one in made.findings
+        misfits = [*patterned([made for _, made in photos])]
+    unusable = [of_photo(one, photo) for photo, made in photos for one in made.findings
                 if one.severity is Severity.FAIL]
     return [*unusable, *agreement, *misfits,
             Finding("fit.of-scene", *ended(found.reconstruction.outcome)),
-            *(one for photo, made, _ in photos for one in light_of_known(made, photo)),
-            *(one for photo, made, bands in photos for one in of_fit(made, bands, photo)),
+            *(one for photo, made in photos for one in light_of_known(made, photo)),
+            *(one for photo, made in photos for one in of_fit(made, bands, photo)),
             *rehearsed(found.rehearsal), clipped_scene(found.photo.clipped_share),
             *surfaces_off(found), *not_corrected(found)]
 
@@ -579,7 +580,7 @@ def clipped_scene(share: float) -> Finding:
 
 def surfaces_off(found: scene_result.SceneResult) -> Iterator[Finding]:
     """Surfaces of the first photo that are off, though not beyond chance and stated errors."""
-    views = (found.reconstruction, *(view.reconstruction for view in found.views))
+    views = (found.reconstruction, *(made for _, made in found.views.values()))
     named = {one.surface for made in views for one in made.misfits}
     agreement = found.reconstruction.agreement
     for name, ratio in zip(agreement.names, agreement.ratio, strict=True):

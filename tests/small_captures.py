@@ -12,7 +12,6 @@ from spectrabox.measure.captured import (
 )
 from spectrabox.measure.opened_photos import OpenPhotos
 from spectrabox.measure.records import CaptureRecords, ChartRecords, MeasuredChart, PhotoRecords
-from spectrabox.measure.steps.measurement import InMemory
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.findings import Finding, Severity
@@ -68,7 +67,7 @@ def photo_records(*names, thumbnail=None):
 
 def records_of(**steps):
     """Records by the names of their steps."""
-    return CaptureRecords({name: InMemory(record) for name, record in steps.items()})
+    return CaptureRecords(steps)
 
 
 def work(capture=None):

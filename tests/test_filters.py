@@ -14,7 +14,7 @@ from spectrabox.calibrate.chart_equations import PatchError, noise_of_photos, ro
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.sensitivity import fit_with_prior
 from spectrabox.measure.advice.advise import TO_FINE, advice_on_signal
-from spectrabox.measure.advice.forecast import outlook_of
+from spectrabox.measure.advice.forecast import WIDTH, outlook_of
 from spectrabox.measure.more_bands.filter_fit import (
     filter_from_charts,
     photos_at_hand,
@@ -184,7 +184,7 @@ def test_forecasts_are_the_bands_that_further_photos_then_have():
         forecast += gel     # none where it would bring less than 2 %
         solved = solve_posterior(prior, SpectralMeasurement(FINE_GRID, both, noisy,
                                                             np.diag(error**2)))
-        after += [outlook_of(solved, 0.95).width] * len(gel)
+        after += [outlook_of(solved, 0.95)[WIDTH]] * len(gel)
     assert len(forecast) == len(truths)
     assert np.mean(forecast) == pytest.approx(np.mean(after), rel=0.1)
 

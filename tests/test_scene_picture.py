@@ -73,8 +73,8 @@ def scene(finished):
 
 @pytest.fixture(scope="module")
 def lighting(scene):
-    """The light on it, and its spectra."""
-    return scene_light.converge_light(scene, lambda _: None)
+    """The photo with the light on it, the light's scale, and the spectra of the materials."""
+    return scene_light.converge_light(scene, lambda _: None)[:3]
 
 
 @pytest.fixture(scope="module")
@@ -141,12 +141,13 @@ def near_the_walls(lit, truth):
 
 def test_light_from_other_walls_counts_with_its_colour(scene, lighting, truth, monkeypatch):
     def scored(scene):
-        light = scene_light.converge_light(scene, lambda _: None)
-        return scores(*near_the_walls(light.photo, truth))
+        photo, *_ = scene_light.converge_light(scene, lambda _: None)
+        return scores(*near_the_walls(photo, truth))
 
     # the light's strength as from a chart, which no light from walls can make up for; and the
     # simulated paints mirror nothing: the usual gloss taken off would be an error of all lights
-    scene = replace(scene, view=replace(scene.view, light_scale=lighting.scale), surface="matt")
+    _, scale, _ = lighting
+    scene = replace(scene, view=replace(scene.view, light_scale=scale), surface="matt")
     whole = scored(scene)
     made = scene_light.illumination
     lamp = scene.view.light
@@ -177,15 +178,15 @@ def test_a_picture_under_the_light_as_stated_has_no_scale_of_an_estimated_scene(
         findings=(*first.findings, scene_estimate.finding([])))
     scene = replace(scene, joint=replace(scene.joint, views=(estimated,)),
                     view=replace(scene.view, light_scale=first.light_scale))
-    light = scene.traced.on_nodes(lighting.spectra, scene.lamps)
+    _, scale, spectra = lighting
+    light = scene.traced.on_nodes(spectra, scene.lamps)
     # the same light, by the same known walls
-    assert scene_light.light_photo(scene, light)[1].value == pytest.approx(
-        lighting.scale.value, rel=0.01)
+    assert scene_light.light_photo(scene, light)[1].value == pytest.approx(scale.value, rel=0.01)
 
 
 def test_few_typical_lights_stand_for_the_light_on_every_pixel(lighting):
     """Spectra as of each pixel's own response, of which none are shared."""
-    lit = lighting.photo
+    lit, _, _ = lighting
     rows = lit.block(0, SIZE[0], direct=True)
     picked = np.flatnonzero(rows.seen)[::40]
     errors, light = lit.errors, lit.errors.light
@@ -305,8 +306,9 @@ def test_rendering_the_textures_gives_back_the_photo(finished, scene, lighting, 
             assert np.isfinite(layers(results / name)).all()
     register_spectral_texture()
     view, size = scene.view, SIZE[::-1]
+    lit, scale, of_materials = lighting
     spectra = {material.bsdf: spectrum for material, spectrum in zip(
-        view.scene_materials, lighting.spectra, strict=True)}
+        view.scene_materials, of_materials, strict=True)}
     whole = ET.fromstring(view.xml(spectra, integrator="path"))
     for shape in whole.findall("shape"):
         if shape.get("id") in textures:
@@ -318,15 +320,15 @@ def test_rendering_the_textures_gives_back_the_photo(finished, scene, lighting, 
     with all_cores():
         image = np.array(mi.render(mi.load_string(ET.tostring(whole, encoding="unicode")), spp=256,
                                    seed=3))
-    scale = lighting.scale.value
     column = np.arange(size[0])
     # where fields meet, a texel is not a pixel
     seen = np.isfinite(stored(folder, "mean.exr")[..., 0]) & np.isfinite(truth[..., 0])
     walls = seen & ((column < 12) | (column >= 48))
     assert walls.sum() > 50
     # of each paint as a whole: single pixels have noise, and texels lie otherwise than they do
-    rows = lighting.photo.block(0, SIZE[0], direct=True)
-    off = (scale * image - view.photo.signal)[walls] / rows.white.signal.reshape(*SIZE, 3)[walls]
+    rows = lit.block(0, SIZE[0], direct=True)
+    white = rows.white.signal.reshape(*SIZE, 3)[walls]
+    off = (scale.value * image - view.photo.signal)[walls] / white
     _, paint = np.unique(truth[walls][:, ::50], axis=0, return_inverse=True)
     count = np.bincount(paint.ravel())
     off = np.array([np.bincount(paint.ravel(), band) for band in off.T])[:, count >= 5] \

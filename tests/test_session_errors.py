@@ -25,7 +25,7 @@ from spectrabox.measure.held_out_spectra import patches_without
 from spectrabox.measure.pictures import illumination, photo_white, surface_textures
 from spectrabox.measure.pictures.lit_photo import PhotoSpectra
 from spectrabox.measure.pictures.pixel_flags import SEEN
-from spectrabox.measure.pictures.spectra_files import PictureLayout
+from spectrabox.measure.pictures.pixel_spectra import PictureLayout
 from spectrabox.measure.pictures.texture_files import write_textures
 from spectrabox.measure.regions.white import PhotoWhite
 from spectrabox.measure.shoot.options import Repeatability, StrayLight
@@ -242,7 +242,7 @@ def test_the_texture_of_a_wall_seen_face_on_is_the_picture_of_it(tmp_path, monke
     for first in range(0, rows, 2):         # some rows at a time
         part = slice(first * columns, (first + 2) * columns)
         made.add(first, first + 2, PhotoSpectra(mean[part], mean[part], None, seen[part], None))
-    write_textures(made.textures(), layout, tmp_path)
+    write_textures(made, layout, tmp_path)
     picture, nm = read_spectral_picture(str(tmp_path / "texture-wall.exr"))
     np.testing.assert_array_equal(nm, PRIOR_GRID.nm)
     np.testing.assert_array_equal(picture, mean.reshape(*shape, 61))    # sixteenths

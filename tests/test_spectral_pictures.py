@@ -9,7 +9,8 @@ import OpenImageIO as oiio
 import pytest
 from spectral.io import envi
 
-from spectrabox.measure.pictures.spectra_files import PictureLayout, write_spectra
+from spectrabox.measure.pictures.pixel_spectra import PictureLayout
+from spectrabox.measure.pictures.spectra_files import write_spectra
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.spectral_layers import layer_names, spectral_layers

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from spectrabox.measure import texts
-from spectrabox.measure.advice.forecast import Outlook
 from spectrabox.radiometry.findings import Finding, Severity
 
 HOW_TO = "docs/how-to/next.md"
@@ -116,7 +115,7 @@ def advised_of_facts(facts: Mapping[str, Any]) -> Advised:
                    {name: tuple(map(kept, each)) for name, each in facts["surfaces"].items()})
 
 
-def advice(action: str, before: Outlook, after: Outlook, subject: str = "",
+def advice(action: str, before: np.ndarray, after: np.ndarray, subject: str = "",
            stops: Sequence[float] = (), dark: Sequence[int] = ()) -> Advice:
     """One thing to do next.
 
@@ -124,14 +123,16 @@ def advice(action: str, before: Outlook, after: Outlook, subject: str = "",
     ----------
     action : str
         Of TIMES.
-    before, after : Outlook
+    before, after : (2,) arrays
+        Outlooks, as of ``forecast``.
     subject : str
         What it is done with.
     stops, dark : sequences
         As of `Advice`.
     """
-    return Advice(action, subject, before.width, after.width, before.colour, after.colour,
-                  TIMES[action], tuple(stops), tuple(dark))
+    (width, narrower), (colour, closer) = zip(before.tolist(), after.tolist(), strict=True)
+    return Advice(action, subject, width, narrower, colour, closer, TIMES[action], tuple(stops),
+                  tuple(dark))
 
 
 def ranked(each: Iterable[Advice]) -> tuple[Advice, ...]:
@@ -146,7 +147,7 @@ def ranked(each: Iterable[Advice]) -> tuple[Advice, ...]:
         1 / one.times)))
 
 
-def advised(by_surface: Mapping[str, Sequence[Advice]], now: Mapping[str, Outlook]) -> Advised:
+def advised(by_surface: Mapping[str, Sequence[Advice]], now: Mapping[str, np.ndarray]) -> Advised:
     """The lists of surfaces, and that of all of them: means over surfaces, where one that an action
     is not for stays as it is.
 
@@ -155,10 +156,10 @@ def advised(by_surface: Mapping[str, Sequence[Advice]], now: Mapping[str, Outloo
     by_surface : mapping
         Of each surface all that was considered.
     now : mapping
-        How well each is known.
+        Outlook (2,) of each.
     """
-    width, colour = (float(np.mean([getattr(one, name) for one in now.values()]) if now else 0.0)
-                     for name in ("width", "colour"))
+    width, colour = (float(np.mean(each)) for each in zip(*now.values(), strict=True)) \
+        if now else (0.0, 0.0)
     first: dict[tuple[str, str], Advice] = {}
     fall: dict[tuple[str, str], np.ndarray] = {}
     for considered in by_surface.values():

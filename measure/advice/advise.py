@@ -79,18 +79,17 @@ class _Surface:
     """One surface with what was found of it."""
 
     unknown: forecasting.Unknown
-    found: forecasting.Outlook  # by its draws
-    solved: forecasting.Outlook  # by the forecast's way
+    found: np.ndarray           # (2,) outlook by its draws
+    solved: np.ndarray          # (2,) by the forecast's way
     reading_nm: float
     stated: str | None          # how much it mirrors
     matt: float                 # probability of that
 
-    def advice(self, action: str, after: forecasting.Outlook, subject: str = "",
+    def advice(self, action: str, after: np.ndarray, subject: str = "",
                stops: Sequence[float] = (), dark: Sequence[int] = ()) -> advice_kinds.Advice:
         """One action, as a ratio to what was found."""
-        return advice_kinds.advice(action, self.found, forecasting.Outlook(
-            self.found.width * after.width / self.solved.width,
-            self.found.colour * after.colour / self.solved.colour), subject, stops, dark)
+        return advice_kinds.advice(action, self.found, self.found * after / self.solved, subject,
+                                   stops, dark)
 
 
 def advice_on_capture(capture: Capture, records: CaptureRecords,
@@ -151,7 +150,7 @@ def _of_flat_sample(sample: flat_actions.FlatPhotos,
     """White card, chart nearer, flat field, lamp moved, and that it is matt."""
     unknown, capture = surface.unknown, sample.capture
     name = unknown.signals.names[0]
-    forecasts: dict[str, Callable[[], forecasting.Outlook]] = {
+    forecasts: dict[str, Callable[[], np.ndarray]] = {
         advice_kinds.CHART_NEARER: lambda: forecasting.outlook_after(
             unknown, sample.signals(name, place=flat_actions.NEARER))}
     if not sample.known:
@@ -188,7 +187,7 @@ def _of_reading(surface: _Surface) -> advice_kinds.Advice:
 
 def advice_on_signal(measured: spectra.SpectralMeasurement, prior: mixture.LogitMixture,
                      level: float = SampleOptions.level, *,
-                     found: forecasting.Outlook | None = None,
+                     found: np.ndarray | None = None,
                      curves: np.ndarray | None = None, present: np.ndarray | None = None,
                      hand: filter_fit.AtHand | None = None) -> tuple[advice_kinds.Advice, ...]:
     """What to do next of a surface of which signals are known, and what they err by; further photos
@@ -202,8 +201,8 @@ def advice_on_signal(measured: spectra.SpectralMeasurement, prior: mixture.Logit
         On reflectances.
     level : float
         Of the band.
-    found : Outlook, optional
-        How well an answer says that it is known (``outlook_of_answer``), so that the advice states
+    found : (2,) array, optional
+        Its outlook as an answer states it (``outlook_of_answer``), so that the advice states
         the same; in closed form by default.
     curves : (K, 301) array, optional
         Sensitivities of the camera; without them no lamp is tried, only gels.
@@ -227,7 +226,7 @@ def advice_on_signal(measured: spectra.SpectralMeasurement, prior: mixture.Logit
         np.zeros(0) if posterior.states is None else posterior.states.mean)
     solved = forecasting.outlook_of(posterior, level)
     reading = next_measurement_nm(mixture.PRIOR_GRID, posterior.covariance)
-    surface = _Surface(unknown, found or solved, solved, reading, None, 0.0)
+    surface = _Surface(unknown, solved if found is None else found, solved, reading, None, 0.0)
     known = hand or usual_at_hand()
     if curves is None or present is None:
         curves, present = measured.relative_response / grid.FINE_GRID.weights_nm, np.ones(
@@ -251,8 +250,8 @@ def advice_on_estimate(estimate: Estimate) -> tuple[advice_kinds.Advice, ...]:
                             found=stated_outlook(estimate))
 
 
-def stated_outlook(estimate: Estimate) -> forecasting.Outlook | None:
-    """How well an estimate says that its spectrum is known; None where it has no draws.
+def stated_outlook(estimate: Estimate) -> np.ndarray | None:
+    """Outlook (2,) that an estimate states of its spectrum; None where it has no draws.
 
     Parameters
     ----------
@@ -277,17 +276,17 @@ def _of_photos(surfaces: Mapping[str, _Surface], curves: np.ndarray, present: np
         return {}
 
     def left(surface: _Surface,
-             photos: Sequence[filter_fit.FurtherPhoto]) -> forecasting.Outlook | None:
+             photos: Sequence[filter_fit.FurtherPhoto]) -> np.ndarray | None:
         after = further.with_photos(surface.unknown, photos, white, fitted, surface.stated)
         return None if after is None else forecasting.outlook_after(surface.unknown, after)
 
     photos = filter_fit.photos_at_hand(curves, present, hand)
     # where the band is widest a photo counts most
-    widest = max(may.values(), key=lambda surface: surface.found.width)
+    widest = max(may.values(), key=lambda surface: surface.found[forecasting.WIDTH])
     outlooks = {photo.name: outlook for photo in photos
                 for outlook in [left(widest, [photo])] if outlook is not None}
     best = sorted((photo for photo in photos if photo.name in outlooks),
-                  key=lambda photo: outlooks[photo.name].width)
+                  key=lambda photo: outlooks[photo.name][forecasting.WIDTH])
     gels = [photo for photo in best if photo.filter is not None]
     lamps = [photo for photo in best if photo.filter is None]
     pairs = [[first, second] for number, first in enumerate(gels[:PAIRED])

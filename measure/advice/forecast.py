@@ -27,14 +27,9 @@ from spectrabox.sampling.prior import mixture, signal_posterior
 SLOPE = 1e-3            # of reflectance, by which a colour's derivative is found
 RANK = 1e-9             # of the largest variance: smaller ones are none
 LEAST = 1e-6            # standard deviation of a variable that is certain
-
-
-@dataclass(frozen=True)
-class Outlook:
-    """How well a spectrum is known."""
-
-    width: float            # of the band, mean over wavelength
-    colour: float           # CIEDE2000 under D65 from the mean, root mean square
+# of an outlook (2,), which is how well a spectrum is known: width of the band, mean over
+# wavelength; CIEDE2000 under D65 from the mean, root mean square
+WIDTH, COLOUR = 0, 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +43,8 @@ class Unknown:
     variables: np.ndarray           # (V,) mean of what its states add
 
 
-def outlook_of(posterior: signal_posterior.SignalPosterior, level: float) -> Outlook:
-    """How well a spectrum is known by its posterior.
+def outlook_of(posterior: signal_posterior.SignalPosterior, level: float) -> np.ndarray:
+    """Outlook (2,), WIDTH and COLOUR, of a spectrum by its posterior.
 
     Parameters
     ----------
@@ -64,12 +59,12 @@ def outlook_of(posterior: signal_posterior.SignalPosterior, level: float) -> Out
              - colour).T / SLOPE
     values, vectors = np.linalg.eigh(slope @ posterior.covariance @ slope.T)
     off = appearance.ciede2000(colour, colour + (np.sqrt(np.maximum(values, 0)) * vectors).T)
-    return Outlook(float(np.mean(upper - lower)), float(np.sqrt(np.sum(off**2))))
+    return np.array([np.mean(upper - lower), np.sqrt(np.sum(off**2))])
 
 
 def outlook_of_answer(samples: spectra.SpectrumSamples, lower: np.ndarray,
-                      upper: np.ndarray) -> Outlook:
-    """How well a spectrum is known by the draws and the band that an answer states of it.
+                      upper: np.ndarray) -> np.ndarray:
+    """Outlook (2,) of a spectrum by the draws and the band that an answer states of it.
 
     Parameters
     ----------
@@ -78,17 +73,17 @@ def outlook_of_answer(samples: spectra.SpectrumSamples, lower: np.ndarray,
     """
     colours = appearance.reflectance_to_lab(samples.grid.nm, samples.spectra)
     colour = appearance.reflectance_to_lab(samples.grid.nm, samples.spectra.mean(axis=0))
-    return Outlook(float(np.mean(upper - lower)),
-                   float(np.sqrt(np.mean(appearance.ciede2000(colour, colours)**2))))
+    return np.array([np.mean(upper - lower),
+                     np.sqrt(np.mean(appearance.ciede2000(colour, colours)**2))])
 
 
-def outlook_now(unknown: Unknown) -> Outlook:
-    """How well the spectrum is known now."""
+def outlook_now(unknown: Unknown) -> np.ndarray:
+    """Outlook (2,) of the spectrum now."""
     return outlook_stated(unknown, unknown.signals)
 
 
-def outlook_stated(unknown: Unknown, stated: spectra.SurfaceSignals) -> Outlook:
-    """How well the spectrum is known by the signal that there is, once something more is stated.
+def outlook_stated(unknown: Unknown, stated: spectra.SurfaceSignals) -> np.ndarray:
+    """Outlook (2,) of the spectrum by the signal that there is, once something more is stated.
 
     Parameters
     ----------
@@ -100,8 +95,8 @@ def outlook_stated(unknown: Unknown, stated: spectra.SurfaceSignals) -> Outlook:
                       unknown.level)
 
 
-def outlook_after(unknown: Unknown, after: spectra.SurfaceSignals) -> Outlook:
-    """How well the spectrum is likely to be known after an action.
+def outlook_after(unknown: Unknown, after: spectra.SurfaceSignals) -> np.ndarray:
+    """Outlook (2,) that the spectrum is likely to have after an action.
 
     Parameters
     ----------

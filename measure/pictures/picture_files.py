@@ -78,11 +78,12 @@ def write_picture(
     masked, beyond, novel = (np.array([total - reasons[pixel_flags.SEEN], *counts[:2]])
                              / total).tolist()
     return PictureRecords(
-        (*layout.files(), *(each.file for each in maps)), tuple(each.title for each in maps),
-        tuple(f"preview-{each.file}" for each in maps), (width, height), masked, beyond, novel,
-        reasons / total, float(counts[2] / max(reasons[pixel_flags.SEEN], 1)))
+        (*spectra_files.files_of(layout.form), *(each.file for each in maps)),
+        tuple(each.title for each in maps), tuple(f"preview-{each.file}" for each in maps),
+        (width, height), masked, beyond, novel, reasons / total,
+        float(counts[2] / max(reasons[pixel_flags.SEEN], 1)))
 
 
-def layout_of(section: PictureOptions) -> spectra_files.PictureLayout:
+def layout_of(section: PictureOptions) -> pixel_spectra.PictureLayout:
     """Wavelengths and format of a picture's files."""
-    return spectra_files.PictureLayout(section.step_nm, form=section.format)
+    return pixel_spectra.PictureLayout(section.step_nm, form=section.format)

@@ -18,6 +18,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from spectrabox.capture.photo.image_rows import ROWS_PER_BLOCK
+from spectrabox.measure.shoot.options import PictureFormat
 from spectrabox.radiometry import error_model, errors
 from spectrabox.sampling.prior import local_posteriors, mixture, uplift_table
 
@@ -33,11 +34,14 @@ DEVIATION_STEPS = 2     # the standard deviation changes slowly: every second wa
 
 
 @dataclass(frozen=True)
-class KeptWavelengths:
-    """Which of the prior's 61 wavelengths mean and standard deviation are kept at."""
+class PictureLayout:
+    """Which of the prior's 61 wavelengths mean and standard deviation are kept at, and the format
+    of their files; ENVI's are single floats.
+    """
 
     step_nm: int            # between wavelengths of the mean, a multiple of 5
     full: bool = False      # all wavelengths of both, in single instead of half floats
+    form: PictureFormat = "exr"
 
     @property
     def mean(self) -> slice:
@@ -54,6 +58,11 @@ class KeptWavelengths:
     def nm(self) -> tuple[np.ndarray, np.ndarray]:
         """Wavelengths (P,) of the mean and (Q,) of the standard deviation."""
         return mixture.PRIOR_GRID.nm[self.mean], mixture.PRIOR_GRID.nm[self.deviation]
+
+    @property
+    def pixel_type(self) -> str:
+        """Type of the numbers in the files."""
+        return "float" if self.full or self.form == "envi" else "half"
 
 
 @dataclass(frozen=True)
@@ -219,7 +228,7 @@ class LightTable:
 class SpectraPlan:
     """How signals become spectra, the same for all pixels of a picture."""
 
-    kept: KeptWavelengths
+    kept: PictureLayout
     # of each light; none where pixels are computed one by one
     tables: tuple[LightTable | local_posteriors.LocalPosteriors, ...]
 
@@ -247,7 +256,7 @@ class SpectraPlan:
         return values[:, :mean], values[:, mean:mean + deviation]
 
 
-def plan_spectra(source: PixelSource, kept: KeptWavelengths, survey: Survey,
+def plan_spectra(source: PixelSource, kept: PictureLayout, survey: Survey,
                  progress: uplift_table.Progress = lambda share: None,
                  map_parts: uplift_table.MapParts = map) -> SpectraPlan:
     """The plan of a picture all of whose rows have been surveyed.
@@ -255,7 +264,7 @@ def plan_spectra(source: PixelSource, kept: KeptWavelengths, survey: Survey,
     Parameters
     ----------
     source : PixelSource
-    kept : KeptWavelengths
+    kept : PictureLayout
     survey : Survey
         Of all rows.
     progress : function of the share that is done
@@ -285,13 +294,13 @@ def plan_spectra(source: PixelSource, kept: KeptWavelengths, survey: Survey,
 
 
 def _columns(uplifted: uplift_table.Uplifted | uplift_table.UpliftTable,
-             kept: KeptWavelengths) -> np.ndarray:
+             kept: PictureLayout) -> np.ndarray:
     """Mean, standard deviation and novelty side by side."""
     return np.hstack([uplifted.mean[:, kept.mean], uplifted.standard_deviation[:, kept.deviation],
                       uplifted.novelty[:, None]])
 
 
-def _local_tables(source: PixelSource, kept: KeptWavelengths, survey: Survey,
+def _local_tables(source: PixelSource, kept: PictureLayout, survey: Survey,
                   progress: uplift_table.Progress,
                   map_parts: uplift_table.MapParts) -> Iterator[local_posteriors.LocalPosteriors]:
     """Posteriors at some signals under each light."""

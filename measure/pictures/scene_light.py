@@ -6,7 +6,7 @@ of each material, under the current light, gives the next light, until it conver
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -36,34 +36,24 @@ UNLIT = 1e-3                # of the median light: changes of less are none
 DARK_LAMP = 1e-9            # of the lamp's strongest wavelength
 
 
-@dataclass(frozen=True, eq=False)
-class SceneLight:
-    """The light on the pixels, and how it converged."""
-
-    photo: lit_photo.LitPhoto
-    scale: LightScale               # from the light to the signal of the photo
-    spectra: np.ndarray             # (M, P) of the materials, by which light is coloured
-    changes: tuple[float, ...]      # largest relative change of the light in each round
-
-    @property
-    def finding(self) -> findings.Finding:
-        """Whether the light converged."""
-        values = {"rounds": len(self.changes), "last": float(self.changes[-1])}
-        if self.changes[-1] <= TOLERANCE:
-            return findings.Finding("picture.light-converged", findings.Severity.INFO,
-                                    values=values)
-        return findings.Finding("picture.light-not-converged", findings.Severity.NOTE,
-                                values=values)
-
-
-def converge_light(scene: traced_photo.TracedPhoto,
-                   progress: Callable[[float], None]) -> SceneLight:
+def converge_light(scene: traced_photo.TracedPhoto, progress: Callable[[float], None]
+                   ) -> tuple[lit_photo.LitPhoto, LightScale, np.ndarray, list[float]]:
     """The light on every pixel, with the spectra of the materials that the pixels themselves show.
 
     Parameters
     ----------
     scene : TracedPhoto
     progress : function of the share of the rounds that are done
+
+    Returns
+    -------
+    photo : LitPhoto
+    scale : LightScale
+        From the light to the signal of the photo.
+    spectra : (M, P) array
+        Of the materials, by which light is coloured.
+    changes : list of float
+        Largest relative change of the light in each round.
     """
     view, traced, joint = scene.view, scene.traced, scene.joint
     spectra = np.array([joint.spectra[joint.materials.index(material.name)]
@@ -83,7 +73,15 @@ def converge_light(scene: traced_photo.TracedPhoto,
             earlier, UNLIT * np.median(earlier)))) if after.size else 0.0)
         photo, scale = light_photo(scene, light)
         progress(len(changes) / MAX_ROUNDS)
-    return SceneLight(photo, scale, spectra, tuple(changes))
+    return photo, scale, spectra, changes
+
+
+def light_finding(changes: Sequence[float]) -> findings.Finding:
+    """Whether the light converged, by its largest relative change in each round."""
+    values = {"rounds": len(changes), "last": changes[-1]}
+    if changes[-1] <= TOLERANCE:
+        return findings.Finding("picture.light-converged", findings.Severity.INFO, values=values)
+    return findings.Finding("picture.light-not-converged", findings.Severity.NOTE, values=values)
 
 
 def _sample_pixels(scene: traced_photo.TracedPhoto, photo: lit_photo.LitPhoto,

@@ -15,7 +15,6 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -47,26 +46,10 @@ Rows = TypeVar("Rows")
 Made = TypeVar("Made")
 
 
-@dataclass(frozen=True)
-class PictureLayout(pixel_spectra.KeptWavelengths):
-    """The wavelengths that are written, and the format of the files; ENVI's are single floats."""
-
-    form: PictureFormat = "exr"
-
-    def paths(self, folder: Path) -> dict[str, Path]:
-        """The file of the mean and that of the standard deviation."""
-        return {name: folder / f"{name}{SUFFIXES[self.form]}" for name in (MEAN, DEVIATION)}
-
-    def files(self) -> tuple[str, ...]:
-        """Names of all files, with those of the values of ENVI images."""
-        names = tuple(path.name for path in self.paths(Path()).values())
-        return (*names, MEAN + envi.VALUES,
-                DEVIATION + envi.VALUES) if self.form == "envi" else names
-
-    @property
-    def pixel_type(self) -> str:
-        """Type of the numbers in the files."""
-        return "float" if self.full or self.form == "envi" else "half"
+def files_of(form: PictureFormat) -> tuple[str, ...]:
+    """Names of all files of a format, with those of the values of ENVI images."""
+    names = tuple(f"{name}{SUFFIXES[form]}" for name in (MEAN, DEVIATION))
+    return (*names, MEAN + envi.VALUES, DEVIATION + envi.VALUES) if form == "envi" else names
 
 
 def computed_blocks(height: int, width: int, read: Callable[[int, int], Rows],
@@ -95,7 +78,7 @@ def computed_blocks(height: int, width: int, read: Callable[[int, int], Rows],
 
 
 def write_spectra(blocks: Iterable[tuple[int, int, tuple[np.ndarray, ...]]],
-                  size: tuple[int, int], folder: Path, layout: PictureLayout,
+                  size: tuple[int, int], folder: Path, layout: pixel_spectra.PictureLayout,
                   progress: Callable[[float], None], responses: np.ndarray,
                   maps: Sequence[str] = ()) -> dict[str, Path]:
     """Write mean and standard deviation, and maps of one number a pixel, whole or not at all.
@@ -118,7 +101,7 @@ def write_spectra(blocks: Iterable[tuple[int, int, tuple[np.ndarray, ...]]],
     dict
         "mean", "standard_deviation" and the maps to their files.
     """
-    paths = layout.paths(folder)
+    paths = {name: folder / f"{name}{SUFFIXES[layout.form]}" for name in (MEAN, DEVIATION)}
     with files.writable(folder), contextlib.ExitStack() as stack:
         writers = [stack.enter_context(layer_rows(name, path, size, layout, responses))
                    for name, path in paths.items()]
@@ -134,7 +117,7 @@ def write_spectra(blocks: Iterable[tuple[int, int, tuple[np.ndarray, ...]]],
 
 
 @contextlib.contextmanager
-def layer_rows(name: str, path: Path, size: tuple[int, int], layout: PictureLayout,
+def layer_rows(name: str, path: Path, size: tuple[int, int], layout: pixel_spectra.PictureLayout,
                responses: np.ndarray | None = None) -> Iterator[WriteRows]:
     """A function of (first row, pixels) that writes the next rows of the mean or of the standard
     deviation.

@@ -15,7 +15,13 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 from scipy.sparse import csr_array
 
-from spectrabox.measure.pictures import lit_photo, pixel_flags, pixel_spectra, traced_photo
+from spectrabox.measure.pictures import (
+    lit_photo,
+    pixel_flags,
+    pixel_spectra,
+    spectra_files,
+    traced_photo,
+)
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.reconstruct.scene.surfaces import hits_of
 
@@ -26,16 +32,7 @@ MAX_APART = 0.02            # share of the texels, at creases
 FINEST = 10                 # percentile of the pixels' sizes, which is the size of texels
 HOLE = 6.0                  # texels from one that is seen: filled from there
 
-
-@dataclass(frozen=True, eq=False)
-class SurfaceTexture:
-    """The texture (h, w) of one surface."""
-
-    surface: str
-    bsdf: str
-    shape: tuple[int, int]
-    mean: Callable[[int, int], np.ndarray]                  # (first, last) -> (last - first, w, P)
-    standard_deviation: Callable[[int, int], np.ndarray]    # (first, last) -> (last - first, w, Q)
+RowsOfTexture = Callable[[int, int], np.ndarray]    # of (first, last) to (last - first, w, P)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,11 +54,11 @@ class TextureSums:
     scene : TracedPhoto
     flags : (H, W) array
         Of pixel_flags.py.
-    kept : KeptWavelengths
+    layout : PictureLayout
     """
 
     def __init__(self, scene: traced_photo.TracedPhoto, flags: np.ndarray,
-                 kept: pixel_spectra.KeptWavelengths) -> None:
+                 layout: pixel_spectra.PictureLayout) -> None:
         crop, view = scene.crop, scene.view
         self.findings: tuple[Finding, ...] = ()
         surface = scene.traced.nodes.surface[crop.rows, crop.columns]
@@ -96,7 +93,7 @@ class TextureSums:
             self._surfaces.append(_Texels(*names[number], shown, (rows, columns), total))
             total += shown.size
         self._count = np.zeros(total, np.int32)
-        self._sums = tuple(np.zeros((total, nm.size), np.float32) for nm in kept.nm)
+        self._sums = tuple(np.zeros((total, nm.size), np.float32) for nm in layout.nm)
         if shared:
             self.findings = (Finding("picture.no-texture", Severity.NOTE,
                                      values={"names": shared}),)
@@ -113,8 +110,10 @@ class TextureSums:
                                 strict=True):
             sums[texels] += of_texel @ values
 
-    def textures(self) -> Iterator[SurfaceTexture]:
-        """The textures of the surfaces that the pixels showed."""
+    def textures(self) -> Iterator[tuple[str, str, tuple[int, int], dict[str, RowsOfTexture]]]:
+        """Surface, BSDF, shape (h, w) and rows of the layers of each texture, of the surfaces that
+        the pixels showed.
+        """
         for each in self._surfaces:
             own = slice(each.first, each.first + each.texel.size)
             seen = self._count[own] > 0
@@ -129,16 +128,16 @@ class TextureSums:
 
             def rows_of(values: np.ndarray, filler: np.ndarray | float,
                         nearest: np.ndarray = nearest, beyond: np.ndarray = beyond
-                        ) -> Callable[[int, int], np.ndarray]:
+                        ) -> RowsOfTexture:
                 def rows(first: int, last: int) -> np.ndarray:
                     block = values[nearest[first:last]]
                     block[beyond[first:last]] = filler
                     return block
                 return rows
 
-            yield SurfaceTexture(each.surface, each.bsdf, each.shape,
-                                 rows_of(mean, mean.mean(axis=0)),
-                                 rows_of(deviation, _spread(mean, deviation)))
+            yield each.surface, each.bsdf, each.shape, {
+                spectra_files.MEAN: rows_of(mean, mean.mean(axis=0)),
+                spectra_files.DEVIATION: rows_of(deviation, _spread(mean, deviation))}
 
 
 def _spread(mean: np.ndarray, deviation: np.ndarray) -> np.ndarray:

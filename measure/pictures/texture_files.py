@@ -20,13 +20,14 @@ from spectrabox.reconstruct.scene.plugins import SPECTRAL_PICTURE
 XML = "textures.xml"
 
 
-def write_textures(textures: Iterable[surface_textures.SurfaceTexture],
-                   layout: spectra_files.PictureLayout, folder: Path) -> tuple[str, ...]:
+def write_textures(sums: surface_textures.TextureSums, layout: pixel_spectra.PictureLayout,
+                   folder: Path) -> tuple[str, ...]:
     """Write textures, and the BSDFs that name them.
 
     Parameters
     ----------
-    textures : iterable of SurfaceTexture
+    sums : TextureSums
+        Of all pixels.
     layout : PictureLayout
         Of the picture; textures are EXR whatever its format.
     folder : Path
@@ -39,18 +40,16 @@ def write_textures(textures: Iterable[surface_textures.SurfaceTexture],
     files: list[str] = []
     root = ET.Element("scene", version="3.0.0")
     layout = replace(layout, form="exr")
-    for texture in textures:
-        stem = _stem(texture.surface)
-        for name, rows, file in ((spectra_files.MEAN, texture.mean, f"{stem}.exr"),
-                                 (spectra_files.DEVIATION, texture.standard_deviation,
-                                  f"{stem}-{spectra_files.DEVIATION}.exr")):
-            with spectra_files.layer_rows(name, folder / file, texture.shape, layout) as write:
-                for first, last in pixel_spectra.row_blocks(*texture.shape):
+    for surface, bsdf, shape, layers in sums.textures():
+        stem = _stem(surface)
+        for name, rows in layers.items():
+            file = f"{stem}.exr" if name == spectra_files.MEAN else f"{stem}-{name}.exr"
+            with spectra_files.layer_rows(name, folder / file, shape, layout) as write:
+                for first, last in pixel_spectra.row_blocks(*shape):
                     write(first, rows(first, last))
             files.append(file)
-        bsdf = ET.SubElement(root, "bsdf", type="diffuse",
-                             id=f"{texture.bsdf} of {texture.surface}")
-        spectra = ET.SubElement(bsdf, "texture", name="reflectance", type=SPECTRAL_PICTURE)
+        node = ET.SubElement(root, "bsdf", type="diffuse", id=f"{bsdf} of {surface}")
+        spectra = ET.SubElement(node, "texture", name="reflectance", type=SPECTRAL_PICTURE)
         ET.SubElement(spectra, "string", name="filename", value=f"{stem}.exr")
     if files:
         ET.indent(root)

@@ -124,7 +124,7 @@ class ImageSource:
 
 def uplift_image(image: np.ndarray, relative_response: np.ndarray, prior: mixture.LogitMixture,
                  noise: float = PIXEL_NOISE, *, white: np.ndarray | None = None,
-                 kept: pixel_spectra.KeptWavelengths | None = None, side: int = uplift_table.SIDE,
+                 kept: pixel_spectra.PictureLayout | None = None, side: int = uplift_table.SIDE,
                  encoded: bool = False,
                  progress: uplift_table.Progress = lambda share: None,
                  map_parts: uplift_table.MapParts = map) -> PixelSpectra:
@@ -141,7 +141,7 @@ def uplift_image(image: np.ndarray, relative_response: np.ndarray, prior: mixtur
         Relative standard error of every band.
     white : (K,) array, optional
         Signal of a perfect white; 1 by default.
-    kept : KeptWavelengths, optional
+    kept : PictureLayout, optional
         All 61 wavelengths of both by default.
     side : int
         Points of the table along each axis, odd and at least 3.
@@ -174,7 +174,7 @@ def uplift_image(image: np.ndarray, relative_response: np.ndarray, prior: mixtur
         pixel_spectra.survey_rows(source, *rows) for rows in blocks)
     pixel_spectra.require_below_white(survey.above, height * width,
                                       "Give what a perfect white reads (white=)")
-    plan = pixel_spectra.plan_spectra(source, kept or pixel_spectra.KeptWavelengths(5, full=True),
+    plan = pixel_spectra.plan_spectra(source, kept or pixel_spectra.PictureLayout(5, full=True),
                                       survey, progress, map_parts)
     made = of_colours(source, plan, encoded=encoded)
     parts = zip(*(made(source.block(*rows)) for rows in blocks), strict=True)

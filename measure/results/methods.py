@@ -75,7 +75,7 @@ def _reconstruction(result: scene_result.SceneResult) -> str:
     spectra = f"reflectances of {words.listed(unknown)} were" if unknown else "no reflectance was"
     known = f"; {words.listed(given)} given" if given else ""
     further = f" and {len(result.views)} more photo(s) in one fit " \
-              f"({words.listed([view.name for view in result.views])})" if result.views else ""
+              f"({words.listed([*result.views])})" if result.views else ""
     nm = made.grid.nm
     return (f"By inverse rendering (engine: {made.engine}; {made.spp} samples per pixel, seed "
             f"{made.seed}), {spectra} found from {int(made.used.sum())} of {made.used.size} "

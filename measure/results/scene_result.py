@@ -19,22 +19,14 @@ if TYPE_CHECKING:
     from spectrabox.measure.scene.rehearsal import Rehearsed
 
 
-@dataclass(frozen=True, eq=False)
-class ViewResult:
-    """A further photo of the same materials."""
-
-    name: str
-    bands: tuple[str, ...]
-    calibration: Calibration          # with the light of this view
-    reconstruction: Reconstruction
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SceneResult(capture_result.CaptureResult):
     """What was found of a scene."""
 
     reconstruction: Reconstruction              # of the first photo
-    views: tuple[ViewResult, ...] = ()          # photos beyond the first
+    # photos beyond the first, by name: each with a calibration of its light
+    views: Mapping[str, tuple[Calibration, Reconstruction]] = dataclasses.field(
+        default_factory=dict)
     rehearsal: Rehearsed | None = None          # the last one of these results
     geometry: SceneGeometry | None = None       # None where camera and lamp stand as stated
     scale_from_chart: bool = True       # else from a known material
@@ -119,10 +111,9 @@ def scene_result(capture: captured.SceneCapture, records: records.CaptureRecords
     joint, names = records.reconstruct.joint, records.signals.names
     bands = capture.band_names(records.photo.bands)
     geometry = records.reconstruct.geometry
-    views = tuple(ViewResult(view.name, bands, calibration, reconstruction)
-                  for view, calibration, reconstruction
-                  in zip(capture.views, records.calibrations(capture.views), joint.views,
-                         strict=True) if view.name)
+    views = {view.name: (calibration, reconstruction) for view, calibration, reconstruction
+             in zip(capture.views, records.calibrations(capture.views), joint.views, strict=True)
+             if view.name}
     common = capture_result.common_findings(capture, records)
     if len(set(joint.lamps)) > len({view.lamp for view in capture.views}):
         common["stated"] = dataclasses.replace(common["stated"], lamp_moved=True)

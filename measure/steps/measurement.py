@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any, Protocol
 
 from spectrabox.measure import captured, opened_photos
-from spectrabox.measure.records import CaptureRecords, KeptRecord, Kind
+from spectrabox.measure.records import CaptureRecords, KeptRecord
 from spectrabox.measure.steps import calibration, declared_steps, inversion, photos, pictures
 from spectrabox.measure.steps.signals import draw_surfaces, find_signals
 from spectrabox.measure.steps.work import Work
@@ -56,23 +56,12 @@ class Keeper(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class InMemory:
-    """A record that is kept as it is."""
-
-    record: Any
-
-    def read(self, kind: type[Kind]) -> Kind:
-        """The record, which is of this kind."""
-        return cast(Kind, self.record)
-
-
 @dataclass(frozen=True, eq=False)
 class MemoryKeeper:
     """Keeps records in memory; those of some steps may be known beforehand."""
 
     progress: Callable[[str, float, str], None] = lambda step, share, message: None
-    kept: dict[str, KeptRecord] = field(default_factory=dict)
+    kept: dict[str, Record | KeptRecord] = field(default_factory=dict)
     pictures: Path | None = None        # folder that takes the files of a picture of spectra
 
     @property
@@ -85,8 +74,8 @@ class MemoryKeeper:
         if step.name in self.kept:
             return
         folder = self.pictures if step.name == "picture" else None
-        self.kept[step.name] = InMemory(compute(
-            lambda share, message: self.progress(step.name, share, message), folder))
+        self.kept[step.name] = compute(
+            lambda share, message: self.progress(step.name, share, message), folder)
 
 
 def measure(capture: captured.Capture, keeper: Keeper, *, device: str = "auto",

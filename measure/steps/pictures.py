@@ -148,18 +148,18 @@ def scene_picture(capture: SceneCapture, records: CaptureRecords, work: Work) ->
         raise errors.InputError("a picture of spectra is files: name a folder for them")
     start_mitsuba(work.device)
     scene = traced_photo(capture, records, work)
-    light = scene_light.converge_light(
+    photo, _, _, changes = scene_light.converge_light(
         scene, lambda share: work.progress(TRACED +
                                            (LIT - TRACED) * share, "light from other surfaces"))
-    assert light.photo.flags is not None
-    sums = surface_textures.TextureSums(scene, light.photo.flags, picture_files.layout_of(section))
-    written = picture_files.write_picture(light.photo, section, work.folder,
+    assert photo.flags is not None
+    sums = surface_textures.TextureSums(scene, photo.flags, picture_files.layout_of(section))
+    written = picture_files.write_picture(photo, section, work.folder,
                             lambda share: work.progress(LIT + (1 - LIT) * share, ""),
                             sums.add)
-    textures = texture_files.write_textures(sums.textures(), picture_files.layout_of(section),
+    textures = texture_files.write_textures(sums, picture_files.layout_of(section),
                                             work.folder)
-    return replace(written, files=(*written.files, *textures), rounds=np.array(light.changes),
-                   findings=(light.finding, *sums.findings))
+    return replace(written, files=(*written.files, *textures), rounds=np.array(changes),
+                   findings=(scene_light.light_finding(changes), *sums.findings))
 
 
 def traced_photo(capture: SceneCapture, records: CaptureRecords, work: Work) -> TracedPhoto:

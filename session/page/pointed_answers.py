@@ -174,8 +174,7 @@ def result_now(sample: PointedSample,
         As the steps.
     """
     capture, records = sample.capture, sample.records
-    keeper = measurement.MemoryKeeper(kept={"chart": measurement.InMemory(records.chart),
-                                            "calibrate": measurement.InMemory(records.calibrate)})
+    keeper = measurement.MemoryKeeper(kept={"chart": records.chart, "calibrate": records.calibrate})
     work = Work(PhotosAtHand(capture, sample.images), lambda share, message: None)
     keeper.keep(declared_steps.FLAT_PHOTOS, lambda progress, folder: photos.measure_flat_photos(
         capture, keeper.records, work))

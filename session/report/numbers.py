@@ -50,13 +50,12 @@ def scene_numbers(result: scene_result.SceneResult) -> dict[str, Any]:
     return {
         "materials": [_surface(surface) for surface in result.surfaces],
         "agreement": _agreement(fit.agreement),
-        "views": [{"name": view.name, "bands": view.bands,
-                   "agreement": _agreement(view.reconstruction.agreement),
-                   "light": _fields(view.calibration.light, "values", "standard_error", "quantity",
+        "views": [{"name": name, "bands": result.bands,
+                   "agreement": _agreement(made.agreement),
+                   "light": _fields(calibration.light, "values", "standard_error", "quantity",
                                     "source"),
-                   "light_scale": _fields(view.reconstruction.light_scale, "value",
-                                          "standard_error", "source")}
-                  for view in result.views],
+                   "light_scale": _fields(made.light_scale, "value", "standard_error", "source")}
+                  for name, (calibration, made) in result.views.items()],
         "reconstruction": {"engine": fit.engine, "spp": fit.spp, "seed": fit.seed,
                            "outcome": fit.outcome, "loss_history": fit.loss_history,
                            "pixels_used": int(fit.used.sum()),

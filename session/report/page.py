@@ -176,11 +176,9 @@ def _scene_sections(result: scene_result.SceneResult, results: SessionResults,
                     links: Mapping[str, tuple[str, int]]) -> dict[str, Any]:
     """Photo against rendering, geometry, convergence, for the templates."""
     fit = result.reconstruction
-    views = [(view, _agreement_section(f"-{number}", view.reconstruction, view.calibration,
-                                       view.bands),
-              light_figure(f"light-{number}", view.calibration.light,
-                           view.calibration.light_posterior))
-             for number, view in enumerate(result.views, start=2)]
+    views = [(name, _agreement_section(f"-{number}", made, calibration, result.bands),
+              light_figure(f"light-{number}", calibration.light, calibration.light_posterior))
+             for number, (name, (calibration, made)) in enumerate(result.views.items(), start=2)]
     return {"agreement": _agreement_section("", fit, result.calibration, result.bands),
             "surface_map": maps.surface_figure("surfaces", fit), "views": views,
             "linked_photo": maps.linked_photo("photo", fit, result.calibration, links),
@@ -207,7 +205,7 @@ def _content(results: SessionResults, cards: list[Card]) -> dict[str, Any]:
     if isinstance(result, flat_result.FlatResult):
         chart_shown = any(photo.chart_px is not None for photo in result.photos)
     else:
-        files = {f"photo {view.name}": results.previews[view.name] for view in result.views}
+        files = {f"photo {name}": results.previews[name] for name in result.views}
     if result.chart is not None and not chart_shown:
         files["chart"] = results.chart_overlay
     pictures, missing = {}, []

@@ -89,9 +89,9 @@ def _camera_and_light(request: UpliftRequest) -> tuple[str, str]:
     return request.sensitivity, request.light
 
 
-def uplift_layout(request: UpliftRequest) -> spectra_files.PictureLayout:
+def uplift_layout(request: UpliftRequest) -> pixel_spectra.PictureLayout:
     """Wavelengths and format of the files."""
-    return spectra_files.PictureLayout(request.step, request.full, request.to)
+    return pixel_spectra.PictureLayout(request.step, request.full, request.to)
 
 
 def uplift_answer(request: UpliftRequest,

@@ -196,12 +196,11 @@ def write_comparisons(result: scene_result.SceneResult, folder: Path) -> list[Pa
         Every file.
     """
     files = []
-    views = [("comparison", result.reconstruction, result.calibration, result.bands)]
-    views += [(f"comparison {file_stem(view.name)}", view.reconstruction, view.calibration,
-               view.bands) for view in result.views]
-    for name, reconstruction, calibration, bands in views:
+    views = {"comparison": (result.calibration, result.reconstruction)}
+    views |= {f"comparison {file_stem(name)}": view for name, view in result.views.items()}
+    for name, (calibration, reconstruction) in views.items():
         files += [folder / f"{name}.exr", folder / f"{name}.png"]
-        _write_comparison(files[-2], reconstruction, bands)
+        _write_comparison(files[-2], reconstruction, result.bands)
         write_png(files[-1], comparison_rgb8(reconstruction, calibration.sensitivity))
     return files
 
