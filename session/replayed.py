@@ -9,7 +9,8 @@ from spectrabox.measure.captured import SceneCapture, require_scene
 from spectrabox.measure.pictures import texture_files
 from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.results.calibration_facts import checks
-from spectrabox.measure.scene import box_camera, rehearsal
+from spectrabox.measure.scene import box_camera
+from spectrabox.measure.scene.rehearsal import Rehearsed
 from spectrabox.measure.scene.rehearsal import rehearse as rehearse_scene
 from spectrabox.measure.scene.relight import ColourSpread, light_by_itself
 from spectrabox.measure.scene.relight import relight as relight_scene
@@ -27,7 +28,7 @@ NO_SCENE = ("a rehearsal traces the light of a scene, and this session has flat 
 
 
 def rehearse(config: SessionConfig, times: int, seed: int, device: str,
-             progress: Progress) -> rehearsal.Rehearsed:
+             progress: Progress) -> Rehearsed:
     """Replay a finished session with known truths.
 
     Parameters
@@ -51,26 +52,14 @@ def rehearse(config: SessionConfig, times: int, seed: int, device: str,
         If the session is not finished, was solved by another engine than the transport's, samples
         by another method than the prior, or is to be rehearsed fewer than 20 times.
     """
-    replays = replays_of(config, times, seed, device,
-                         lambda done, what: progress(0.1 * done, what))
-    return rehearse_scene(replays, config.sampling.level, seed,
-                          lambda done, what: progress(0.1 + 0.9 * done, what))
-
-
-def replays_of(config: SessionConfig, times: int, seed: int, device: str,
-               progress: Progress) -> rehearsal.Replays:
-    """A finished session with its light traced, and the truths and cameras of its replays.
-
-    Parameters and errors as of `rehearse`.
-    """
     capture, records = _replayable(config)
     start_mitsuba(device)
     views = inversion.views_of(capture, records)
-    return rehearsal.prepare_replays(
+    return rehearse_scene(
         views, inversion.settings_of(capture), records.calibrations(capture.views),
         records.reconstruct.joint, capture.families,
-        inversion.stated_errors(capture, records, views),
-        times=times, seed=seed, progress=progress)
+        *inversion.stray_light(capture, records, views),
+        times=times, level=config.sampling.level, seed=seed, progress=progress)
 
 
 def _replayable(config: SessionConfig) -> tuple[SceneCapture, CaptureRecords]:
@@ -100,7 +89,7 @@ OBSERVER = "CIE 1931 2 Degree Standard Observer"
 
 def relight(run: kept_stages.FinishedRun, *, light: str | None, observer: str,
             size: tuple[int, int], spp: int, device: str, pictures: Path
-            ) -> tuple[np.ndarray, np.ndarray, tuple[ColourSpread, ...], tuple[str, ...]]:
+            ) -> tuple[np.ndarray, np.ndarray, dict[str, ColourSpread], tuple[str, ...]]:
     """Render the scene with the means of the draws, and with the textures of a picture of spectra.
 
     Parameters

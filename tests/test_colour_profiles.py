@@ -5,7 +5,6 @@ import os
 import shutil
 import subprocess
 import tomllib
-from dataclasses import replace
 
 import colour
 import numpy as np
@@ -23,11 +22,8 @@ from spectrabox.calibrate.colour_profile import (
     stated_transform,
 )
 from spectrabox.capture.photo.image_writers import write_tiff16
-from spectrabox.measure.profiles.archive_quantities import (
-    ChartColours,
-    archive_quantities,
-    chart_colours,
-)
+from spectrabox.measure.profiles import archive_quantities
+from spectrabox.measure.profiles.archive_quantities import ChartColours, chart_colours
 from spectrabox.measure.profiles.colour_profile import (
     FRESH,
     MATRIX,
@@ -322,8 +318,8 @@ def test_the_page_for_the_archive_states_limits_and_claims_no_more(painting):
 def test_a_grade_is_the_strictest_whose_limit_is_kept(value, grade):
     colours = ChartColours(("a",), np.array([[50.0, 0, 0]]), np.array([[50.0, 0, 0]]),
                            np.zeros(1), (), None)
-    mean, *_ = archive_quantities(colours, np.array([[[1.0]], [[0.0]]]))
-    assert replace(mean, value=value).grade("FADGI 2023") == grade
+    mean, *_ = archive_quantities.archive_quantities(colours, np.array([[[1.0]], [[0.0]]]))
+    assert archive_quantities.grade(value, mean["limits"]["FADGI 2023"]) == grade
 
 
 def test_noise_in_lightness_is_that_of_the_pixels():

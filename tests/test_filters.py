@@ -214,10 +214,10 @@ def test_two_chart_photos_measure_a_filter_within_its_standard_error():
                           filter=through)
                for photo, through in ((bare(0.003), None), (through(ORANGE, stated_filter(
                    "true", ORANGE), 0.003), unknown_filter()))]
-    known = filter_from_charts(*layouts, None, CalibrationOptions(prior=simulated_prior()))
+    known, _ = filter_from_charts(*layouts, None, CalibrationOptions(prior=simulated_prior()))
     seen = (grid > 430) & (grid < 660)
-    off = np.log(known.transmittance / ORANGE)
+    off = np.log(known.values / ORANGE)
     off -= off[seen].mean()
-    relative = known.standard_error / known.transmittance
+    relative = known.standard_error / known.values
     assert np.sqrt(np.mean(off[seen] ** 2)) < 0.4
     assert np.sqrt(np.mean((off[seen] / relative[seen]) ** 2)) < 2.5

@@ -21,7 +21,12 @@ from spectrabox.measure.pictures.illumination import Illumination, adapted_signa
 from spectrabox.measure.pictures.lit_photo import GREY, LitPhoto
 from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
 from spectrabox.measure.pictures.pixel_flags import CLIPPED, SEEN
-from spectrabox.measure.pictures.pixel_spectra import PictureLayout, plan_spectra, survey_rows
+from spectrabox.measure.pictures.pixel_spectra import (
+    PictureLayout,
+    block_spectra,
+    spectra_tables,
+    survey,
+)
 from spectrabox.measure.pictures.shown_bands import shown_bands
 from spectrabox.radiometry import error_model
 from spectrabox.radiometry.gloss import gloss_states
@@ -308,9 +313,11 @@ def test_pixels_of_a_lit_photo_of_many_bands_are_those_computed_one_by_one(monke
                          variance=(1e-7 + 1e-5 * signal).astype(np.float32)),
                    errors_of(white, between=lambda first, last: weights[40 * first:40 * last],
                              light=even_light(matrix, 2), prior=load_prior()))
-    plan = plan_spectra(lit, PictureLayout(5, full=True), survey_rows(lit, 0, 30))
-    assert plan.tables
-    mean, spread = plan.split(plan.values(lit, lit.block(14, 16)))
+    points, sample, _, _ = survey(lit)
+    layout = PictureLayout(5, full=True)
+    tables = spectra_tables(lit, layout, points, sample)
+    assert tables
+    mean, spread, _ = block_spectra(lit, layout, tables, lit.block(14, 16))
     exact = lit.direct(lit.block(14, 16, direct=True))
     off = (mean - exact.mean) / exact.standard_deviation
     assert np.sqrt(np.mean(off**2)) < 0.25 and np.median(np.abs(off)) < 0.1

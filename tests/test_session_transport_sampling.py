@@ -7,7 +7,7 @@ import pytest
 
 from spectrabox.measure.results.result_of_records import result_of
 from spectrabox.measure.scene.draws import _common_errors, _of_gloss, _of_stray_light, _of_tails
-from spectrabox.measure.scene.photo_errors import StatedErrors, with_stray_light
+from spectrabox.measure.scene.photo_errors import with_stray_light
 from spectrabox.measure.steps.inversion import settings_of, views_of
 from spectrabox.radiometry.error_model import GLARE
 from spectrabox.radiometry.errors import InputError
@@ -81,7 +81,7 @@ def test_a_surface_without_usable_pixels_leaves_the_others_their_material(finish
     for error in _of_tails(of_brightest, regions, relative):
         assert len(set(of_region[(error != 0).any(axis=1)])) == 1
     mirrored = dict.fromkeys(joint.materials, "satin")
-    stray = with_stray_light(joint, StatedErrors(np.full(3, 0.01), 0.0, mirrored))
+    stray = with_stray_light(joint, np.full(3, 0.01), 0.0, mirrored)
     (glare,), _ = _of_stray_light(stray, regions, relative).values()
     reflections = _of_gloss(stray, regions, relative)
     # what a surface mirrors says nothing of another

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from spectrabox.fixtures.demos.demo_scenes import CHART_LIGHT_CM, chart_scene_xml
-from spectrabox.measure.scene.photo_errors import StatedErrors, with_stray_light
+from spectrabox.measure.scene.photo_errors import with_stray_light
 from spectrabox.measure.surfaces.surface_signals import (
     _gloss_of,
     errors_by_cause,
@@ -59,8 +59,7 @@ def test_glare_and_ambient_light_are_what_a_photo_with_them_reads_more():
     surface = np.repeat([[0, 0, 1]], 40, axis=0).repeat(10, axis=1)
     irradiance = rng.uniform(0.2, 1.0, surface.shape)
     clean = joint(irradiance, surface)
-    lit_otherwise = with_stray_light(clean, StatedErrors(np.full(3, 0.01), 0.004,
-                                                         {"dark": "glossy"}))
+    lit_otherwise = with_stray_light(clean, np.full(3, 0.01), 0.004, {"dark": "glossy"})
     estimate = lit_otherwise.stray_light
     photo = clean.views[0].measured
     hazy = photo + 0.01 * photo.mean(axis=(0, 1))
@@ -79,8 +78,7 @@ def test_glare_and_ambient_light_are_what_a_photo_with_them_reads_more():
 def test_dark_paint_owes_most_to_glare_and_shadow_to_ambient_light():
     surface = np.repeat([[0, 1]], 20, axis=0).repeat(20, axis=1)
     shaded = np.where(surface == 1, 0.1, 1.0)
-    stray = with_stray_light(joint(shaded, surface),
-                             StatedErrors(np.full(3, 0.005), 0.002, {})).stray_light
+    stray = with_stray_light(joint(shaded, surface), np.full(3, 0.005), 0.002, {}).stray_light
     glare, ambient = stray[GLARE], stray[STRAY_LIGHT]
     assert np.all(glare[1] > 10 * glare[0])
     # Round-off: the white paint's light is the brightest; the shadow has a tenth of it.

@@ -15,7 +15,7 @@ from spectrabox.measure.steps import chart_fit
 from spectrabox.radiometry import chart, grid, light_scale
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records import calibration, photos
-from spectrabox.radiometry.records.spectra import Spectrum, UnknownLight
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight
 from spectrabox.radiometry.spectra.filters import unknown_filter
 from spectrabox.radiometry.spectra.spectrum_files import on_grid, spectrum_on_grid
 
@@ -23,33 +23,11 @@ READING_ERROR = 0.005       # relative, of a reading whose error nobody stated: 
 DARK_READING = 1e-3         # of the largest: no transmittance is read from less light
 
 
-@dataclass(frozen=True, eq=False)
-class MeasuredFilter:
-    """A transmittance with its standard error, at 400, 401 ... 700 nm."""
-
-    transmittance: np.ndarray       # (301,)
-    standard_error: np.ndarray      # (301,)
-    level_known: bool               # else it is of mean 1 where most light passes
-    source: str
-
-    def facts(self) -> dict[str, object]:
-        """As ``spectrabox filter fit --json`` names them."""
-        return {"wavelengths_nm": grid.FINE_GRID.nm, "transmittance": self.transmittance,
-                "standard_error": self.standard_error, "level_known": self.level_known}
-
-    def text(self) -> str:
-        """Range and errors, for a person."""
-        relative = self.standard_error / self.transmittance.max()
-        level = "" if self.level_known else \
-            "; its level is not known, and was set to 1 at its best"
-        return (f"transmittance {self.transmittance.min():.3f} to {self.transmittance.max():.3f}, "
-                f"standard error {relative.mean():.1%} of its largest value on average, "
-                f"{relative.max():.1%} at worst{level}")
-
-
 def filter_from_photos(bare: photos.LinearImage, through: photos.LinearImage, chart: chart.Chart,
-                       reflectances: np.ndarray, light: Spectrum | UnknownLight) -> MeasuredFilter:
-    """Transmittance between two photos of a chart from one tripod under one light.
+                       reflectances: np.ndarray, light: Spectrum | UnknownLight
+                       ) -> tuple[Spectrum, bool]:
+    """Transmittance between two photos of a chart from one tripod under one light, as of
+    `filter_from_charts`.
 
     Parameters
     ----------
@@ -80,7 +58,7 @@ def filter_from_photos(bare: photos.LinearImage, through: photos.LinearImage, ch
 
 def filter_from_charts(
         bare: chart_photo.ChartPhoto, through: chart_photo.ChartPhoto, exposure: float | None,
-        options: chart_calibration.CalibrationOptions | None = None) -> MeasuredFilter:
+        options: chart_calibration.CalibrationOptions | None = None) -> tuple[Spectrum, bool]:
     """Transmittance between two photos of a chart under one light, known or not.
 
     Parameters
@@ -91,6 +69,13 @@ def filter_from_charts(
     exposure : float or None
         Of the second photo relative to the first; None where it is not stated.
     options : CalibrationOptions, optional
+
+    Returns
+    -------
+    transmittance : Spectrum
+        With its standard error, at 400, 401 ... 700 nm.
+    level_known : bool
+        Else it is 1 where most light passes.
 
     Raises
     ------
@@ -106,13 +91,14 @@ def filter_from_charts(
     transmittance = level * fitted.filter.transmittance
     relative = np.einsum("pe,ef,pf->p", fitted.filter.modes, fitted.covariance,
                          fitted.filter.modes)
-    return MeasuredFilter(transmittance, transmittance * np.sqrt(np.maximum(relative, 0)),
-                          exposure is not None, f"{through.samples.mean.shape[0]} patches with and "
-                          "without the filter")
+    return Spectrum(grid.FINE_GRID, transmittance, Quantity.RELATIVE,
+                    f"{through.samples.mean.shape[0]} patches with and without the filter",
+                    transmittance * np.sqrt(np.maximum(relative, 0))), exposure is not None
 
 
-def filter_from_readings(without: Spectrum, with_filter: Spectrum) -> MeasuredFilter:
-    """Transmittance as the ratio of two readings of one lamp, with and without the filter.
+def filter_from_readings(without: Spectrum, with_filter: Spectrum) -> Spectrum:
+    """Transmittance as the ratio of two readings of one lamp, with and without the filter, with its
+    standard error at 400, 401 ... 700 nm.
 
     Parameters
     ----------
@@ -139,8 +125,8 @@ def filter_from_readings(without: Spectrum, with_filter: Spectrum) -> MeasuredFi
         reading.grid.nm, reading.standard_error, grid.FINE_GRID, reading.source)
         for reading, values in ((without, lamp), (with_filter, passed))]
     error = np.hypot(errors[1], transmittance * errors[0]) / lamp
-    return MeasuredFilter(np.maximum(transmittance, 0), error, True,
-                          f"{with_filter.source} over {without.source}")
+    return Spectrum(grid.FINE_GRID, np.maximum(transmittance, 0), Quantity.RELATIVE,
+                    f"{with_filter.source} over {without.source}", error)
 
 
 # ---- photos that may still be taken: under other lamps, and through filters ----------------------

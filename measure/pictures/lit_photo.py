@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -227,22 +226,21 @@ class LitPhoto:
         return whole
 
 
-def photo_spectra(photo: LitPhoto, plan: pixel_spectra.SpectraPlan,
-                  block: PhotoBlock) -> PhotoSpectra:
+def photo_spectra(photo: LitPhoto, layout: pixel_spectra.PictureLayout,
+                  tables: pixel_spectra.SpectraTables, block: PhotoBlock) -> PhotoSpectra:
     """Spectra of a block, without those of pixels that have none.
 
     Parameters
     ----------
     photo : LitPhoto
-    plan : SpectraPlan
-        Of all of the photo.
+    layout, tables
+        As of ``pixel_spectra.block_spectra``.
     block : PhotoBlock
     """
-    values: Any = plan.values(photo, block)
-    mean, deviation = plan.split(values)
+    mean, deviation, novelty = pixel_spectra.block_spectra(photo, layout, tables, block)
     beyond = np.max(block.measured - uplift_table.MAX_SIGNAL, axis=1) / (SIGMAS * block.grey_error)
     # no signal beyond white is explained by the prior
-    novelty = np.maximum(values[:, -1], beyond)
+    novelty = np.maximum(novelty, beyond)
     for part in (mean, deviation, novelty):
         part[~block.seen] = np.nan
     return PhotoSpectra(mean, deviation, novelty, block.flags, beyond > 1)

@@ -43,14 +43,13 @@ def write_picture(
     height, width, _ = photo.size
     maps = picture_maps.maps_of(layout.nm[0], section.light, flags=photo.flags is not None)
     reduced = picture_maps.Reduced(height, width, maps)
-    survey = pixel_spectra.merge_surveys(
-        pixel_spectra.survey_rows(photo, *rows) for rows in pixel_spectra.row_blocks(height, width))
-    in_pixels = PIXELS_A_POINT * int(survey.points.sum() or MAX_CENTRES)
+    points, sample, _, _ = pixel_spectra.survey(photo)
+    in_pixels = PIXELS_A_POINT * int(points.sum() or MAX_CENTRES)
     table_share = in_pixels / (in_pixels + height * width)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        plan = pixel_spectra.plan_spectra(photo, layout, survey,
-                            lambda share: progress(table_share * share), pool.map)
-    before = table_share if plan.tables else 0.0
+        tables = pixel_spectra.spectra_tables(photo, layout, points, sample,
+                                              lambda share: progress(table_share * share), pool.map)
+    before = table_share if tables else 0.0
     counts = np.zeros(3)        # beyond white, unlike, and the sum of standard deviations
     reasons = np.zeros(pixel_flags.HIGHLIGHT + 1)
 
@@ -58,8 +57,8 @@ def write_picture(
         def blocks() -> Iterator[tuple[int, int, tuple[np.ndarray, ...]]]:
             for first, last, spectra in spectra_files.computed_blocks(
                     height, width,
-                    lambda first, last: photo.block(first, last, direct=not plan.tables),
-                    lambda block: lit_photo.photo_spectra(photo, plan, block)):
+                    lambda first, last: photo.block(first, last, direct=not tables),
+                    lambda block: lit_photo.photo_spectra(photo, layout, tables, block)):
                 write_maps(first, spectra)
                 also(first, last, spectra)
                 seen = spectra.flags == pixel_flags.SEEN

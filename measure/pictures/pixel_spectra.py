@@ -1,16 +1,16 @@
-"""From pixels' signals to spectra: one plan for a whole picture, whatever its signals come from.
+"""From pixels' signals to spectra: the same tables for a whole picture, whatever its signals are.
 
 A picture is read twice, some rows at a time. The first reading surveys which points of a table of
 spectra (sampling/prior/uplift_table.py) its signals need, and the table is computed once; the
 second reading interpolates in it. With other than three bands posteriors at some of the signals
 take the table's place (sampling/prior/local_posteriors.py). Pictures with few pixels are computed
-pixel by pixel. A spectrum depends on its own pixel and on the plan alone, so that it does not
+pixel by pixel. A spectrum depends on its own pixel and on the tables alone, so that it does not
 depend on how the picture is cut, nor on who computes it.
 """
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Protocol
@@ -110,16 +110,6 @@ class PixelSource(Protocol):
         """Spectra of a block, each pixel by itself."""
 
 
-@dataclass(frozen=True)
-class Survey:
-    """Results of the first reading of some rows."""
-
-    points: np.ndarray      # (J, side, side, side) bool: needed points of the table of each light
-    outside: int            # pixels with a band outside 0 to 1
-    above: int              # pixels with a band clearly above white
-    sample: PixelBlock      # some pixels
-
-
 def require_below_white(above: int, pixels: int, remedy: str) -> None:
     """Refuse an image of which too much is brighter than a perfect white.
 
@@ -148,42 +138,46 @@ def row_blocks(height: int, width: int) -> list[tuple[int, int]]:
     return [(first, min(first + rows, height)) for first in range(0, height, rows)]
 
 
-def survey_rows(source: PixelSource, first: int, last: int) -> Survey:
-    """The first reading of rows ``first`` to ``last``.
+def survey(source: PixelSource, progress: uplift_table.Progress = lambda share: None
+           ) -> tuple[np.ndarray, PixelBlock, int, int]:
+    """The first reading of a picture.
 
     Parameters
     ----------
     source : PixelSource
-    first, last : int
+    progress : function of the share that is done
+
+    Returns
+    -------
+    points : (J, side, side, side) bool array
+        Needed points of the table of each light.
+    sample : PixelBlock
+        Some pixels.
+    outside, above : int
+        Pixels with a band outside 0 to 1, and clearly above white.
     """
     height, width, bands = source.size
-    block = source.block(first, last)
     points = np.zeros((len(source.responses), *(source.table_side,) * 3), dtype=bool)
-    for light, some in _pieces(block, PIXELS_IN_CACHE) if bands == 3 else ():
-        points[light] |= uplift_table.points_around(block.signals[some], source.table_side)
     # from one pixel of the sample to the next, in reading order: no divisor of a row
     step = max(1, -(-height * width // SAMPLED))
     while math.gcd(step, width) > 1:
         step += 1
-    some = slice(-first * width % step, None, step)
-    # copied: a view would hold all signals of these rows
-    sample = PixelBlock(block.signals[some].copy(), _rows([block.light], some),
-                        _rows([block.error_level], some))
-    return Survey(points, int(uplift_table.outside(block.signals).sum()),
-                  int(np.any(block.signals > ABOVE_WHITE, axis=1).sum()), sample)
-
-
-def merge_surveys(surveys: Iterable[Survey]) -> Survey:
-    """The survey of all rows, from parts in their order."""
-    points, beyond, above, samples = np.array(False), 0, 0, []
-    for survey in surveys:
-        points = points | survey.points
-        beyond += survey.outside
-        above += survey.above
-        samples.append(survey.sample)
-    return Survey(points, beyond, above, PixelBlock(
+    outside, above = 0, 0
+    samples: list[PixelBlock] = []
+    for first, last in row_blocks(height, width):
+        block = source.block(first, last)
+        for light, some in _pieces(block, PIXELS_IN_CACHE) if bands == 3 else ():
+            points[light] |= uplift_table.points_around(block.signals[some], source.table_side)
+        outside += int(uplift_table.outside(block.signals).sum())
+        above += int(np.any(block.signals > ABOVE_WHITE, axis=1).sum())
+        some = slice(-first * width % step, None, step)
+        # copied: a view would hold all signals of these rows
+        samples.append(PixelBlock(block.signals[some].copy(), _rows([block.light], some),
+                                  _rows([block.error_level], some)))
+        progress(last / height)
+    return points, PixelBlock(
         np.concatenate([each.signals for each in samples]), _rows([each.light for each in samples]),
-        _rows([each.error_level for each in samples])))
+        _rows([each.error_level for each in samples])), outside, above
 
 
 def _rows(parts: Sequence[np.ndarray | None], some: slice = slice(None)) -> np.ndarray | None:
@@ -224,93 +218,89 @@ class LightTable:
         return np.asarray(values)
 
 
-@dataclass(frozen=True)
-class SpectraPlan:
-    """How signals become spectra, the same for all pixels of a picture."""
-
-    kept: PictureLayout
-    # of each light; none where pixels are computed one by one
-    tables: tuple[LightTable | local_posteriors.LocalPosteriors, ...]
-
-    def values(self, source: PixelSource, block: PixelBlock) -> np.ndarray:
-        """Numbers (n, C) of a block's pixels.
-
-        Returns
-        -------
-        (n, C) array
-            Mean (P), standard deviation (Q) and novelty (1) side by side.
-        """
-        if not self.tables:
-            return _columns(source.direct(block), self.kept)
-        columns = sum(nm.size for nm in self.kept.nm) + 1
-        values = np.empty((len(block.signals), columns), np.float32)
-        for light, some in _pieces(block, self.tables[0].at_once):
-            table = self.tables[light]
-            level = None if block.error_level is None else block.error_level[some]
-            values[some] = table.values(block.signals[some], level)
-        return values
-
-    def split(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Mean (n, P) and standard deviation (n, Q), as they are written."""
-        mean, deviation = (nm.size for nm in self.kept.nm)
-        return values[:, :mean], values[:, mean:mean + deviation]
+# of each light; none where pixels are computed one by one
+SpectraTables = tuple[LightTable | local_posteriors.LocalPosteriors, ...]
 
 
-def plan_spectra(source: PixelSource, kept: PictureLayout, survey: Survey,
-                 progress: uplift_table.Progress = lambda share: None,
-                 map_parts: uplift_table.MapParts = map) -> SpectraPlan:
-    """The plan of a picture all of whose rows have been surveyed.
+def block_spectra(source: PixelSource, layout: PictureLayout, tables: SpectraTables,
+                  block: PixelBlock) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mean (n, P), standard deviation (n, Q) and novelty (n,) of a block's pixels.
 
     Parameters
     ----------
     source : PixelSource
-    kept : PictureLayout
-    survey : Survey
-        Of all rows.
+    layout : PictureLayout
+    tables : tuple of LightTable or LocalPosteriors
+        Of the whole picture.
+    block : PixelBlock
+    """
+    mean, deviation = (nm.size for nm in layout.nm)
+    if tables:
+        values = np.empty((len(block.signals), mean + deviation + 1), np.float32)
+        for light, some in _pieces(block, tables[0].at_once):
+            level = None if block.error_level is None else block.error_level[some]
+            values[some] = tables[light].values(block.signals[some], level)
+    else:
+        values = _columns(source.direct(block), layout)
+    return values[:, :mean], values[:, mean:-1], values[:, -1]
+
+
+def spectra_tables(source: PixelSource, layout: PictureLayout, points: np.ndarray,
+                   sample: PixelBlock, progress: uplift_table.Progress = lambda share: None,
+                   map_parts: uplift_table.MapParts = map) -> SpectraTables:
+    """How signals become spectra, the same for all pixels of a picture that has been surveyed.
+
+    Parameters
+    ----------
+    source : PixelSource
+    layout : PictureLayout
+    points, sample
+        As of `survey`.
     progress : function of the share that is done
     map_parts : function of (function, iterable), optional
         As ``map``; of a pool of threads, the tables are computed on several cores.
     """
     height, width, bands = source.size
-    points = int(survey.points.sum())
-    one_by_one = height * width < (POINT_IN_PIXELS * source.error_levels * points if bands == 3
+    count = int(points.sum())
+    one_by_one = height * width < (POINT_IN_PIXELS * source.error_levels * count if bands == 3
                                    else CENTRE_IN_PIXELS * local_posteriors.MAX_CENTRES)
-    if bands != 3 or one_by_one:
-        near = () if one_by_one else tuple(_local_tables(source, kept, survey, progress, map_parts))
-        return SpectraPlan(kept, near)
+    if one_by_one:
+        return ()
+    if bands != 3:
+        return tuple(_local_tables(source, layout, sample, progress, map_parts))
     tables: list[LightTable] = []
     done = 0
-    for light, wanted in enumerate(survey.points):
+    for light, wanted in enumerate(points):
         own = int(wanted.sum())
         uplifted = uplift_table.build_tables(
             source.prior, source.responses[light], partial(source.table_errors, light), wanted,
             lambda share, done=done, own=own: progress(     # type: ignore[misc]
-                (done + share * own) / points), map_parts)
-        smallest, *larger = (_columns(table, kept) for table in uplifted)
+                (done + share * own) / count), map_parts)
+        smallest, *larger = (_columns(table, layout) for table in uplifted)
         tables.append(LightTable(uplifted[0].row, smallest,
                                  larger[0] - smallest if larger else None))
         done += own
-    return SpectraPlan(kept, tuple(tables))
+    return tuple(tables)
 
 
 def _columns(uplifted: uplift_table.Uplifted | uplift_table.UpliftTable,
-             kept: PictureLayout) -> np.ndarray:
+             layout: PictureLayout) -> np.ndarray:
     """Mean, standard deviation and novelty side by side."""
-    return np.hstack([uplifted.mean[:, kept.mean], uplifted.standard_deviation[:, kept.deviation],
-                      uplifted.novelty[:, None]])
+    return np.hstack([uplifted.mean[:, layout.mean],
+                      uplifted.standard_deviation[:, layout.deviation], uplifted.novelty[:, None]])
 
 
-def _local_tables(source: PixelSource, kept: PictureLayout, survey: Survey,
+def _local_tables(source: PixelSource, layout: PictureLayout, sample: PixelBlock,
                   progress: uplift_table.Progress,
                   map_parts: uplift_table.MapParts) -> Iterator[local_posteriors.LocalPosteriors]:
     """Posteriors at some signals under each light."""
-    lights, sample = len(source.responses), survey.sample
+    lights = len(source.responses)
     for light, response in enumerate(source.responses):
         own = slice(None) if sample.light is None else sample.light == light
         if not sample.signals[own].size:    # too few pixels for one of them to be in the sample
             own = slice(None)
         yield local_posteriors.local_posteriors(
             source.prior, response, partial(source.table_errors, light), sample.signals[own],
-            None if sample.error_level is None else sample.error_level[own], kept.mean,
-            kept.deviation, lambda share, light=light: progress(    # type: ignore[misc]
+            None if sample.error_level is None else sample.error_level[own], layout.mean,
+            layout.deviation, lambda share, light=light: progress(    # type: ignore[misc]
                 (light + share) / lights), map_parts)

@@ -9,7 +9,6 @@ texture only where one part is seen.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt
@@ -33,17 +32,6 @@ FINEST = 10                 # percentile of the pixels' sizes, which is the size
 HOLE = 6.0                  # texels from one that is seen: filled from there
 
 RowsOfTexture = Callable[[int, int], np.ndarray]    # of (first, last) to (last - first, w, P)
-
-
-@dataclass(frozen=True, eq=False)
-class _Texels:
-    """The texels of one surface that pixels show."""
-
-    surface: str
-    bsdf: str
-    texel: np.ndarray           # (t,) of those that pixels show, ascending
-    shape: tuple[int, int]
-    first: int                  # of the t among those of all textures
 
 
 class TextureSums:
@@ -70,7 +58,8 @@ class TextureSums:
         surface_of = surface[row, column]
         pairs = _neighbours(row, column, surface_of, surface.shape)
         self._texel = np.full(surface.shape, -1, np.int32)      # of each pixel, among all shown
-        self._surfaces: list[_Texels] = []
+        # by surface and its BSDF: texels (t,) that pixels show, ascending, and the texture's shape
+        self._shown: dict[tuple[str, str], tuple[np.ndarray, tuple[int, int]]] = {}
         shared, names, total = [], list(view.scene_file.surfaces.items()), 0
         for number in unknown:
             own = np.flatnonzero(surface_of == number)
@@ -90,7 +79,7 @@ class TextureSums:
                 shared.append(names[number][0])
                 continue
             self._texel[row[own], column[own]] = total + inverse
-            self._surfaces.append(_Texels(*names[number], shown, (rows, columns), total))
+            self._shown[names[number]] = shown, (rows, columns)
             total += shown.size
         self._count = np.zeros(total, np.int32)
         self._sums = tuple(np.zeros((total, nm.size), np.float32) for nm in layout.nm)
@@ -114,15 +103,17 @@ class TextureSums:
         """Surface, BSDF, shape (h, w) and rows of the layers of each texture, of the surfaces that
         the pixels showed.
         """
-        for each in self._surfaces:
-            own = slice(each.first, each.first + each.texel.size)
+        start = 0
+        for (surface, bsdf), (texel, shape) in self._shown.items():
+            own = slice(start, start + texel.size)
+            start += texel.size
             seen = self._count[own] > 0
             if not seen.any():
                 continue
             count = self._count[own][seen, None].astype(np.float32)
             mean, deviation = (sums[own][seen] / count for sums in self._sums)
-            index = np.full(each.shape, -1, np.int32)
-            index.ravel()[each.texel[seen]] = np.arange(len(count))
+            index = np.full(shape, -1, np.int32)
+            index.ravel()[texel[seen]] = np.arange(len(count))
             away, at = distance_transform_edt(index < 0, return_indices=True)
             nearest, beyond = index[tuple(at)], away > HOLE
 
@@ -135,7 +126,7 @@ class TextureSums:
                     return block
                 return rows
 
-            yield each.surface, each.bsdf, each.shape, {
+            yield surface, bsdf, shape, {
                 spectra_files.MEAN: rows_of(mean, mean.mean(axis=0)),
                 spectra_files.DEVIATION: rows_of(deviation, _spread(mean, deviation))}
 

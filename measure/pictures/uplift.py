@@ -124,8 +124,7 @@ class ImageSource:
 
 def uplift_image(image: np.ndarray, relative_response: np.ndarray, prior: mixture.LogitMixture,
                  noise: float = PIXEL_NOISE, *, white: np.ndarray | None = None,
-                 kept: pixel_spectra.PictureLayout | None = None, side: int = uplift_table.SIDE,
-                 encoded: bool = False,
+                 side: int = uplift_table.SIDE, encoded: bool = False,
                  progress: uplift_table.Progress = lambda share: None,
                  map_parts: uplift_table.MapParts = map) -> PixelSpectra:
     """The spectrum behind every pixel of an image in memory.
@@ -141,20 +140,18 @@ def uplift_image(image: np.ndarray, relative_response: np.ndarray, prior: mixtur
         Relative standard error of every band.
     white : (K,) array, optional
         Signal of a perfect white; 1 by default.
-    kept : PictureLayout, optional
-        All 61 wavelengths of both by default.
     side : int
         Points of the table along each axis, odd and at least 3.
     encoded : bool
         Whether the signals are colours under D65, which the mean then has.
     progress : function of the share of the table that is done
     map_parts : function of (function, iterable), optional
-        As of ``plan_spectra``.
+        As of ``spectra_tables``.
 
     Returns
     -------
     PixelSpectra
-        Mean (H, W, P) and standard deviation (H, W, Q); signals outside 0 to 1 are taken at the
+        Mean (H, W, 61) and standard deviation (H, W, 61); signals outside 0 to 1 are taken at the
         edge.
 
     Raises
@@ -170,20 +167,20 @@ def uplift_image(image: np.ndarray, relative_response: np.ndarray, prior: mixtur
         np.ones(bands, np.float32) if white is None else white.astype(np.float32),
         relative_response, prior, noise, side)
     blocks = pixel_spectra.row_blocks(height, width)
-    survey = pixel_spectra.merge_surveys(
-        pixel_spectra.survey_rows(source, *rows) for rows in blocks)
-    pixel_spectra.require_below_white(survey.above, height * width,
+    points, sample, _, above = pixel_spectra.survey(source)
+    pixel_spectra.require_below_white(above, height * width,
                                       "Give what a perfect white reads (white=)")
-    plan = pixel_spectra.plan_spectra(source, kept or pixel_spectra.PictureLayout(5, full=True),
-                                      survey, progress, map_parts)
-    made = of_colours(source, plan, encoded=encoded)
+    layout = pixel_spectra.PictureLayout(5, full=True)
+    tables = pixel_spectra.spectra_tables(source, layout, points, sample, progress, map_parts)
+    made = of_colours(source, layout, tables, encoded=encoded)
     parts = zip(*(made(source.block(*rows)) for rows in blocks), strict=True)
     mean, deviation, apart = (np.concatenate(part, dtype=np.float32).reshape(height, width, -1)
                               for part in parts)
     return PixelSpectra(mean, deviation, apart[..., 0])
 
 
-def of_colours(source: ImageSource, plan: pixel_spectra.SpectraPlan, *, encoded: bool
+def of_colours(source: ImageSource, layout: pixel_spectra.PictureLayout,
+               tables: pixel_spectra.SpectraTables, *, encoded: bool
                ) -> Callable[[pixel_spectra.PixelBlock],
                              tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """A function from a block of n pixels to their mean (n, P), standard deviation (n, Q) and, as
@@ -192,11 +189,12 @@ def of_colours(source: ImageSource, plan: pixel_spectra.SpectraPlan, *, encoded:
     Parameters
     ----------
     source : ImageSource
-    plan : SpectraPlan
+    layout, tables
+        As of ``pixel_spectra.block_spectra``.
     encoded : bool
         Whether the signals are colours under D65, which the mean then has.
     """
-    nm = plan.kept.nm[0]
+    nm = layout.nm[0]
     response = source.relative_response @ grid.interpolation_matrix(nm, mixture.PRIOR_GRID.nm)
     if encoded:
         observer, to_colour = response, np.eye(3)
@@ -208,7 +206,7 @@ def of_colours(source: ImageSource, plan: pixel_spectra.SpectraPlan, *, encoded:
                                     full @ covariance @ _observer(mixture.PRIOR_GRID.nm).T).T
 
     def made(block: pixel_spectra.PixelBlock) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        mean, deviation = plan.split(plan.values(source, block))
+        mean, deviation, _ = pixel_spectra.block_spectra(source, layout, tables, block)
         if encoded:
             mean = with_colours(mean, block.signals, response)
         left = block.signals - mean @ response.T
@@ -271,8 +269,9 @@ def with_colours(mean: np.ndarray, signals: np.ndarray,
     return result.astype(mean.dtype)
 
 
-def table_error(source: ImageSource, plan: pixel_spectra.SpectraPlan,
-                survey: pixel_spectra.Survey, *, encoded: bool) -> findings.Finding | None:
+def table_error(source: ImageSource, layout: pixel_spectra.PictureLayout,
+                tables: pixel_spectra.SpectraTables,
+                sample: pixel_spectra.PixelBlock, *, encoded: bool) -> findings.Finding | None:
     """How far, in CIEDE2000 under D65 and A, spectra of a picture's table are from those computed
     by themselves, at some of its signals that are not darker than the table; None where there are
     none, or each pixel was computed by itself.
@@ -280,9 +279,10 @@ def table_error(source: ImageSource, plan: pixel_spectra.SpectraPlan,
     Parameters
     ----------
     source : ImageSource
-    plan : SpectraPlan
-    survey : Survey
-        Of all rows.
+    layout, tables
+        As of ``pixel_spectra.block_spectra``.
+    sample : PixelBlock
+        As of ``pixel_spectra.survey``.
     encoded : bool
         As of `of_colours`.
 
@@ -292,18 +292,18 @@ def table_error(source: ImageSource, plan: pixel_spectra.SpectraPlan,
         WARN where the largest is beyond ``limit``; ``beyond`` is the share of the picture's pixels
         that are, each signal standing for those that are next to it in order.
     """
-    if not plan.tables:
+    if not tables:
         return None
-    signals, counts = np.unique(np.clip(survey.sample.signals, 0, 1), axis=0, return_counts=True)
+    signals, counts = np.unique(np.clip(sample.signals, 0, 1), axis=0, return_counts=True)
     bright = signals.min(axis=1) >= uplift_table.MIN_ROOT**3
     if not bright.any():
         return None
     first = np.arange(0, np.count_nonzero(bright), -(-np.count_nonzero(bright) // CHECKED))
     pixels = np.add.reduceat(counts[bright], first)
     block = pixel_spectra.PixelBlock(signals[bright][first], None, None)
-    nm, _ = plan.kept.nm
-    table, own = (np.clip(of_colours(source, each, encoded=encoded)(block)[0], 0, 1)
-                  for each in (plan, pixel_spectra.SpectraPlan(plan.kept, ())))
+    nm, _ = layout.nm
+    table, own = (np.clip(of_colours(source, layout, each, encoded=encoded)(block)[0], 0, 1)
+                  for each in (tables, ()))
     apart = np.max([appearance.ciede2000(appearance.reflectance_to_lab(nm, own, light),
                                          appearance.reflectance_to_lab(nm, table, light))
                     for light in CHECK_LIGHTS], axis=0)

@@ -7,7 +7,9 @@ us stand without any.
 """
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -19,31 +21,28 @@ SOURCE = "https://skandalski.pl/tabela-fadgi-iso-metamorfoze/"
 ISO, FADGI = "ISO 19264-1:2021", "FADGI 2023"
 ISO_LEVELS, STARS = ("level A", "level B", "level C"), ("4 stars", "3 stars", "2 stars", "1 star")
 STEP = 1e-4                 # of white: for derivatives of L*
-Limits = dict[str, tuple[tuple[str, float], ...]]
+Limits = dict[str, dict[str, float]]      # by guideline, of its grades, strictest first
 
 
 def _limits(iso: tuple[float, ...], fadgi: tuple[float, ...] = ()) -> Limits:
     """Limits by guideline, strictest first."""
-    by_name = {ISO: tuple(zip(ISO_LEVELS, iso, strict=True)),
-               FADGI: tuple(zip(STARS[:len(fadgi)], fadgi, strict=True))}
+    by_name = {ISO: dict(zip(ISO_LEVELS, iso, strict=True)),
+               FADGI: dict(zip(STARS[:len(fadgi)], fadgi, strict=True))}
     return {name: limits for name, limits in by_name.items() if limits}
 
 
-@dataclass(frozen=True)
-class ArchiveQuantity:
-    """A quantity of a picture, in what unit, measured on what, and its limits by guideline."""
+def _quantity(name: str, value: float, unit: str, measured_on: str,
+              limits: Limits) -> dict[str, Any]:
+    """A quantity of a picture, as ``spectrabox colour --json`` has it."""
+    return {"name": name, "value": value, "unit": unit, "measured_on": measured_on,
+            "limits": limits,
+            "grades": {guideline: grade(value, own) for guideline, own in limits.items()}}
 
-    name: str
-    value: float
-    unit: str
-    measured_on: str
-    limits: Limits
 
-    def grade(self, guideline: str) -> str:
-        """The strictest grade of a guideline whose limit the value keeps."""
-        limits = self.limits[guideline]
-        return next((grade for grade, limit in limits if self.value <= limit),
-                    f"beyond {limits[-1][0]}")
+def grade(value: float, limits: Mapping[str, float]) -> str:
+    """The strictest grade whose limit a value keeps."""
+    return next((name for name, limit in limits.items() if value <= limit),
+                f"beyond {[*limits][-1]}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +98,8 @@ def chart_colours(samples: PatchSamples, white: np.ndarray, glare: np.ndarray,
         None if own is None else own.lab(signals))
 
 
-def archive_quantities(chart: ChartColours, light: np.ndarray) -> list[ArchiveQuantity]:
-    """What the chart tells of the picture.
+def archive_quantities(chart: ChartColours, light: np.ndarray) -> list[dict[str, Any]]:
+    """What the chart tells of the picture, as ``spectrabox colour --json`` has it.
 
     Parameters
     ----------
@@ -111,30 +110,29 @@ def archive_quantities(chart: ChartColours, light: np.ndarray) -> list[ArchiveQu
     differences, count = chart.differences, len(chart.names)
     all_patches = f"all {count} patches of the chart, CIEDE2000 under D50 to its reference"
     quantities = [
-        ArchiveQuantity("Colour accuracy, mean", float(differences.mean()), "CIEDE2000",
-                        all_patches, _limits((4, 5, 5), (2, 3.5, 5, 6.5))),
-        ArchiveQuantity("Colour accuracy, 90th percentile",
-                        float(np.percentile(differences, 90)), "CIEDE2000", all_patches,
-                        {}),
-        ArchiveQuantity("Colour accuracy, largest", float(differences.max()), "CIEDE2000",
-                        f"the worst patch, {chart.names[int(differences.argmax())]}",
-                        _limits((10, 15, 15)))]
+        _quantity("Colour accuracy, mean", float(differences.mean()), "CIEDE2000", all_patches,
+                  _limits((4, 5, 5), (2, 3.5, 5, 6.5))),
+        _quantity("Colour accuracy, 90th percentile", float(np.percentile(differences, 90)),
+                  "CIEDE2000", all_patches, {}),
+        _quantity("Colour accuracy, largest", float(differences.max()), "CIEDE2000",
+                  f"the worst patch, {chart.names[int(differences.argmax())]}",
+                  _limits((10, 15, 15)))]
     if chart.neutrals:
         grey = list(chart.neutrals)
         off = chart.lab[grey] - chart.reference[grey]
         on = f"the worst of {len(grey)} neutral patches"
         quantities += [
-            ArchiveQuantity("White balance", float(np.hypot(off[:, 1], off[:, 2]).max()),
-                            "difference in a*, b*", on, _limits((3, 4, 5), (2, 4, 6, 8))),
-            ArchiveQuantity("Tone response", float(np.abs(off[:, 0]).max()), "difference in L*",
-                            on, _limits((2, 3, 4), (1.5, 3, 4.5, 6))),
-            ArchiveQuantity("Noise", float(chart.noise[grey].max()),
-                            "standard deviation of L*", f"pixels of {on}", {})]
+            _quantity("White balance", float(np.hypot(off[:, 1], off[:, 2]).max()),
+                      "difference in a*, b*", on, _limits((3, 4, 5), (2, 4, 6, 8))),
+            _quantity("Tone response", float(np.abs(off[:, 0]).max()), "difference in L*", on,
+                      _limits((2, 3, 4), (1.5, 3, 4.5, 6))),
+            _quantity("Noise", float(chart.noise[grey].max()), "standard deviation of L*",
+                      f"pixels of {on}", {})]
     level, error = light
     return [*quantities,
-            ArchiveQuantity("Unevenness of the light, as lit", float(1 - level.min() / level.max()),
-                            "of the brightest place", "estimated over the photo from the chart's "
-                            "patches and known regions; no even card was photographed", {}),
-            ArchiveQuantity("Unevenness that may be left in the picture", float(error.max()),
-                            "relative standard error", "of that estimate in the worst place, by "
-                            "which the picture was divided", {})]
+            _quantity("Unevenness of the light, as lit", float(1 - level.min() / level.max()),
+                      "of the brightest place", "estimated over the photo from the chart's patches "
+                      "and known regions; no even card was photographed", {}),
+            _quantity("Unevenness that may be left in the picture", float(error.max()),
+                      "relative standard error", "of that estimate in the worst place, by which "
+                      "the picture was divided", {})]

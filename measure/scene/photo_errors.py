@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -30,25 +29,20 @@ from spectrabox.sampling.prior import mixture, mixture_posterior
 from spectrabox.sampling.spectral_measurement import response_on
 
 
-@dataclass(frozen=True, eq=False)
-class StatedErrors:
-    """What a scene states of its photos beyond noise, camera and light."""
-
-    glare: np.ndarray           # (K,) standard error, of a photo's mean signal
-    ambient: float              # standard error, of the brightest irradiance
-    # of materials that may mirror light: what is stated of their surfaces; None: nothing
-    gloss: Mapping[str, str | None]
-
-
-def with_stray_light(joint: scenes.JointReconstruction,
-                     errors: StatedErrors) -> scenes.JointReconstruction:
+def with_stray_light(joint: scenes.JointReconstruction, glare: np.ndarray, ambient: float,
+                     gloss: Mapping[str, str | None]) -> scenes.JointReconstruction:
     """The reconstruction with what stray light may have added to each material's signal.
 
     Parameters
     ----------
     joint : JointReconstruction
         Whose own stray light is replaced.
-    errors : StatedErrors
+    glare : (K,) array
+        Standard error, of a photo's mean signal.
+    ambient : float
+        Standard error, of the brightest irradiance.
+    gloss : mapping
+        From materials that may mirror light to what is stated of their surfaces; None: nothing.
     """
     of_glare, of_ambient = np.zeros((2, *joint.signal.shape))
     for number in np.unique(joint.view_of_band):
@@ -63,10 +57,10 @@ def with_stray_light(joint: scenes.JointReconstruction,
             index = joint.materials.index(name)
             if own.any():
                 shown = view.measured[own].mean(axis=0)
-                of_glare[index, bands] = errors.glare * view.measured.mean(axis=(0, 1)) / shown
-                of_ambient[index, bands] = errors.ambient * brightest / irradiance[own].mean()
+                of_glare[index, bands] = glare * view.measured.mean(axis=(0, 1)) / shown
+                of_ambient[index, bands] = ambient * brightest / irradiance[own].mean()
     return dataclasses.replace(
-        joint, gloss=dict(errors.gloss),
+        joint, gloss=dict(gloss),
         stray_light={error_model.GLARE: of_glare, error_model.STRAY_LIGHT: of_ambient})
 
 

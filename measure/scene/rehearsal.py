@@ -24,7 +24,7 @@ import numpy as np
 
 from spectrabox.calibrate.prior.curve_posterior import sensitivity_draws
 from spectrabox.measure import texts
-from spectrabox.measure.scene.photo_errors import StatedErrors, with_stray_light
+from spectrabox.measure.scene.photo_errors import with_stray_light
 from spectrabox.measure.surfaces.surface_signals import measurement, scene_signals
 from spectrabox.radiometry import error_model, findings, gloss, interreflection
 from spectrabox.radiometry.errors import InputError
@@ -33,7 +33,7 @@ from spectrabox.radiometry.records.scenes import JointReconstruction
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.reconstruct import settings, view
 from spectrabox.reconstruct.fit.transport_fit import TracedView
-from spectrabox.reconstruct.replay import Stage, Truth, replay, set_stage
+from spectrabox.reconstruct.replay import Truth, replay, set_stage
 from spectrabox.sampling.prior import mixture
 from spectrabox.sampling.prior.families.family_models import true_reflectances
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
@@ -103,15 +103,18 @@ DRAWS = 399              # of each posterior: ranks 0 to 399 fall into ten bins 
 RANK_BINS = 10
 RANK_STEP = 6            # every 30 nm: closer wavelengths rank alike
 MIN_TIMES = 20
+TRACING = 0.1            # of the time: tracing light
 
 Scores = tuple[float, float, float, np.ndarray]
 
 
-def prepare_replays(views: Sequence[view.PhotoView], settings: settings.InversionSettings,
-                    calibrations: Sequence[calibration.Calibration], joint: JointReconstruction,
-                    families: Mapping[str, Sequence[str]], errors: StatedErrors, *, times: int,
-                    seed: int, progress: spectra.Progress) -> Replays:
-    """Trace the light of a reconstructed scene, and draw truths and cameras of its replays.
+def rehearse(views: Sequence[view.PhotoView], settings: settings.InversionSettings,
+             calibrations: Sequence[calibration.Calibration], joint: JointReconstruction,
+             families: Mapping[str, Sequence[str]], glare: np.ndarray, ambient: float,
+             stated_gloss: Mapping[str, str | None], *, times: int, level: float, seed: int,
+             progress: spectra.Progress) -> Rehearsed:
+    """Trace the light of a reconstructed scene, replay it with known truths, and count what the
+    bands hold of them.
 
     Parameters
     ----------
@@ -125,12 +128,20 @@ def prepare_replays(views: Sequence[view.PhotoView], settings: settings.Inversio
     families : mapping
         From the name of each material to the families of surfaces that it is stated to be of; none
         for any.
-    errors : StatedErrors
+    glare, ambient, stated_gloss
+        As of ``photo_errors.with_stray_light``.
     times : int
         T, from 20 up.
+    level : float
+        Of the bands.
     seed : int
-        Of truths and cameras.
+        Of truths, cameras, photos and draws.
     progress : callable
+
+    Returns
+    -------
+    Rehearsed
+        Of every unknown material.
 
     Raises
     ------
@@ -142,41 +153,39 @@ def prepare_replays(views: Sequence[view.PhotoView], settings: settings.Inversio
                          "needed, and 200 know it to about one percent")
     progress(0.0, "tracing light")
     prior = mixture.load_prior()
+    # of every unknown material, of its families if stated
     priors = {name: mixture.of_families(prior, families[name])
               for name, known in zip(joint.materials, joint.known, strict=True) if not known}
-    of_truths = np.random.SeedSequence(seed).spawn(2)[0]
+    of_truths, of_photos = np.random.SeedSequence(seed).spawn(2)
     truths = {name: true_reflectances(own, times, np.random.default_rng(one)) for (name, own), one
-              in zip(priors.items(), of_truths.spawn(len(priors)), strict=True)}
-    return Replays(set_stage(views, settings, progress), calibrations, joint, errors, priors,
-                   truths, _cameras(calibrations[0], times, seed))
-
-
-def rehearse(replays: Replays, level: float, seed: int, progress: spectra.Progress) -> Rehearsed:
-    """Replay a scene with known truths, and count what the bands hold of them.
-
-    Parameters
-    ----------
-    replays : Replays
-        From `prepare_replays`.
-    level : float
-        Of the bands.
-    seed : int
-        Of photos and draws.
-    progress : callable
-
-    Returns
-    -------
-    Rehearsed
-        Of every unknown material.
-    """
-    times = len(replays.cameras)
+              in zip(priors.items(), of_truths.spawn(len(priors)), strict=True)}  # (T, 61) each
+    stage = set_stage(views, settings, lambda done, what: progress(TRACING * done, what))
+    cameras = _cameras(calibrations[0], times, seed)
     rows = []
-    for number, one in enumerate(np.random.SeedSequence(seed).spawn(2)[1].spawn(times)):
-        progress(number / times, f"rehearsal {number + 1} of {times}")
+    for number, one in enumerate(of_photos.spawn(times)):
+        progress(TRACING + (1 - TRACING) * (number / times), f"rehearsal {number + 1} of {times}")
         rng = np.random.default_rng(one)
-        rows.append(replays.scores(replays.again(number, rng), number, rng, level))
+        true_spectra = dict(zip(joint.materials, joint.spectra, strict=True)) | {
+            name: np.interp(joint.grid.nm, mixture.PRIOR_GRID.nm, own[number])
+            + (gloss.draw_gloss(stated_gloss[name], 1, rng)[0] if name in stated_gloss else 0.0)
+            for name, own in truths.items()}
+        responses = tuple(_response(traced, calibrations[index], joint, index, cameras[number], rng)
+                          for index, traced in enumerate(stage.views))
+        # as large as stated, and never less than none
+        true_glare = [glare * part for part in np.abs(rng.standard_normal(len(responses)))]
+        true_ambient = ambient * np.abs(rng.standard_normal(len(responses)))
+        photographed = replay(stage, Truth(true_spectra, responses, tuple(true_glare),
+                                           tuple(true_ambient.tolist())), rng)
+        again = with_stray_light(photographed, glare, ambient, stated_gloss)
+        signals = scene_signals(again, calibrations)
+        scores = []
+        for name, own in priors.items():
+            posterior = solve_posterior(own, measurement(signals, again.materials.index(name)))
+            draws = posterior.draws(DRAWS, int(rng.integers(1 << 31)))
+            scores.append(_scores(draws, truths[name][number], level))
+        rows.append(scores)
     materials = []
-    for index, name in enumerate(replays.priors):
+    for index, name in enumerate(priors):
         coverage, rmse, width, ranks = map(np.array, zip(*(row[index] for row in rows),
                                                          strict=True))
         # wavelengths of one truth are no separate trials
@@ -185,62 +194,6 @@ def rehearse(replays: Replays, level: float, seed: int, progress: spectra.Progre
             name, float(coverage.mean()), float(error), float(rmse.mean()), float(width.mean()),
             tuple(ranks.sum(axis=0).tolist())))
     return Rehearsed(level, seed, times, tuple(materials))
-
-
-@dataclass(frozen=True, eq=False)
-class Replays:
-    """A scene as it is replayed, with truths and cameras of T replays."""
-
-    stage: Stage
-    calibrations: Sequence[calibration.Calibration]
-    joint: JointReconstruction
-    errors: StatedErrors
-    # of every unknown material, of its families if stated
-    priors: Mapping[str, mixture.LogitMixture]
-    truths: Mapping[str, np.ndarray]        # (T, 61) each
-    cameras: np.ndarray                     # (T, K, P)
-
-    def again(self, number: int, rng: np.random.Generator) -> JointReconstruction:
-        """The reconstruction from photos of one truth."""
-        return with_stray_light(replay(self.stage, self.truth(number, rng), rng), self.errors)
-
-    def truth(self, number: int, rng: np.random.Generator) -> Truth:
-        """What is photographed in one replay."""
-        joint = self.joint
-        spectra = {name: joint.spectra[index] for index, name in enumerate(joint.materials)}
-        spectra |= {name: np.interp(joint.grid.nm, mixture.PRIOR_GRID.nm, truths[number])
-                    + (gloss.draw_gloss(self.errors.gloss[name], 1, rng)[0]
-                       if name in self.errors.gloss else 0.0)
-                    for name, truths in self.truths.items()}
-        views = range(len(self.stage.views))
-        responses = tuple(self._response(index, self.cameras[number], rng) for index in views)
-        return Truth(spectra, responses, *self._stray_light(rng))
-
-    def scores(self, again: JointReconstruction, number: int, rng: np.random.Generator,
-               level: float) -> list[Scores]:
-        """Scores of every unknown material of one replay, drawn as a session draws."""
-        scores = []
-        signals = scene_signals(again, self.calibrations)
-        for name, prior in self.priors.items():
-            seen = measurement(signals, again.materials.index(name))
-            spectra = solve_posterior(prior, seen).draws(DRAWS, int(rng.integers(1 << 31)))
-            scores.append(_scores(spectra, self.truths[name][number], level))
-        return scores
-
-    def _stray_light(self, rng: np.random.Generator) -> tuple[tuple[np.ndarray, ...],
-                                                              tuple[float, ...]]:
-        """Glare (K,) and ambient light of each view: as large as stated, and never less than none.
-        """
-        views = len(self.stage.views)
-        glare = [self.errors.glare * part for part in np.abs(rng.standard_normal(views))]
-        ambient = self.errors.ambient * np.abs(rng.standard_normal(views))
-        return tuple(glare), tuple(ambient.tolist())
-
-    def _response(self, index: int, curves: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Response (L, K, P) of a true camera (K, P) under true light, with the true scale in it.
-        """
-        return _response(self.stage.views[index], self.calibrations[index], self.joint, index,
-                         curves, rng)
 
 
 def _cameras(calibration: calibration.Calibration, times: int, seed: int) -> np.ndarray:

@@ -6,7 +6,6 @@ spread of colours of the draws says by how much, before anybody measures.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,26 +20,14 @@ from spectrabox.reconstruct.scene.scene_xml import NO_TEXTURES, scene_xml
 
 WHITE_PERCENTILE = 99.5            # percentile of luminance that the picture shows as white
 DRAWS = 400                 # of each material whose colours are compared
-
-
-@dataclass(frozen=True)
-class ColourSpread:
-    """Colour of one material under the light: of the mean spectrum, and how far its draws lie from
-    it.
-    """
-
-    name: str
-    lab: tuple[float, float, float]  # of the mean, white being reflectance 1 under the same light
-    # CIEDE2000 of the draws against the mean; None where the spectrum was given
-    delta_e00_median: float | None
-    delta_e00_95: float | None
+ColourSpread = tuple[list[float], float | None, float | None]       # as of `colour_spread`
 
 
 def relight(scene: scene_file.SceneFile, bsdfs: Mapping[str, str],
             spectra: Mapping[str, np.ndarray | SpectrumSamples], grid: WavelengthGrid,
             light: np.ndarray, observer: np.ndarray, *, size: tuple[int, int], spp: int,
             seed: int, textures: Mapping[str, Path] = NO_TEXTURES
-            ) -> tuple[np.ndarray, np.ndarray, tuple[ColourSpread, ...]]:
+            ) -> tuple[np.ndarray, np.ndarray, dict[str, ColourSpread]]:
     """Render a scene under a light with the means of the draws. The renderer has been started.
 
     Parameters
@@ -70,8 +57,8 @@ def relight(scene: scene_file.SceneFile, bsdfs: Mapping[str, str],
         X, Y, Z, Y being 1 for a perfect white as bright as ``WHITE_PERCENTILE``.
     picture : (H, W, 3) array
         uint8, sRGB, adapted from the light's white to D65.
-    colours : tuple of ColourSpread
-        Of the materials.
+    colours : dict
+        From each material to what `colour_spread` returns.
     """
     means = {name: np.interp(grid.nm, known.grid.nm, known.spectra.mean(axis=0))
              if isinstance(known, SpectrumSamples) else known for name, known in spectra.items()}
@@ -85,9 +72,9 @@ def relight(scene: scene_file.SceneFile, bsdfs: Mapping[str, str],
     xyz, _ = renderer.render(renderer.load_scene(xml), spp, seed)
     xyz = xyz / np.percentile(xyz[..., 1], WHITE_PERCENTILE)
     white = _tristimulus(np.ones_like(grid.nm), grid, light, observer)
-    colours = tuple(colour_spread(name, means[name],
-                                  known if isinstance(known, SpectrumSamples) else None,
-                                  grid, light, observer) for name, known in spectra.items())
+    colours = {name: colour_spread(means[name],
+                                   known if isinstance(known, SpectrumSamples) else None,
+                                   grid, light, observer) for name, known in spectra.items()}
     return xyz, colour_science.adapted_srgb(xyz, white), colours
 
 
@@ -112,14 +99,12 @@ def _tristimulus(reflectances: np.ndarray, grid: WavelengthGrid, power: np.ndarr
     return xyz
 
 
-def colour_spread(name: str, mean: np.ndarray, draws: SpectrumSamples | None, grid: WavelengthGrid,
+def colour_spread(mean: np.ndarray, draws: SpectrumSamples | None, grid: WavelengthGrid,
                   power: np.ndarray, matching: np.ndarray) -> ColourSpread:
     """Colour of a material under a light, and how far its draws lie from it.
 
     Parameters
     ----------
-    name : str
-        Of the material.
     mean : (P,) array
         Its reflectance.
     draws : SpectrumSamples or None
@@ -128,6 +113,14 @@ def colour_spread(name: str, mean: np.ndarray, draws: SpectrumSamples | None, gr
         Of the light.
     matching : (3, P) array
         Colour-matching functions.
+
+    Returns
+    -------
+    lab : list of three floats
+        Of the mean, white being reflectance 1 under the same light.
+    median, upper : float or None
+        Of CIEDE2000 of the draws against the mean, and its 95 % quantile; None where the spectrum
+        was given.
     """
     white = _tristimulus(np.ones_like(grid.nm), grid, power, matching)
     lab = appearance.lab_from_xyz(_tristimulus(mean, grid, power, matching), white)
@@ -140,4 +133,4 @@ def colour_spread(name: str, mean: np.ndarray, draws: SpectrumSamples | None, gr
         others = appearance.lab_from_xyz(_tristimulus(spectra, grid, power, matching), white)
         differences = appearance.ciede2000(others, lab)
         median, upper = float(np.median(differences)), float(np.quantile(differences, 0.95))
-    return ColourSpread(name, (float(lab[0]), float(lab[1]), float(lab[2])), median, upper)
+    return lab.tolist(), median, upper

@@ -56,16 +56,16 @@ def invert_photos(capture: SceneCapture, records: CaptureRecords,
     views = with_estimated_scale(capture, views, settings, work.progress)
     joint = inverse_rendering.reconstruct_views(views, settings, work.progress,
                                                 work.checkpoint(TRACE))
-    joint = photo_errors.with_stray_light(joint, stated_errors(capture, records, views))
+    joint = photo_errors.with_stray_light(joint, *stray_light(capture, records, views))
     return ReconstructionRecords(joint, scene_signals(joint, records.calibrations(capture.views)),
                                  geometry.scene_geometry(capture), geometry.box_scenes(capture),
                                  each_once(one for view in views for one in view.findings))
 
 
-def stated_errors(capture: SceneCapture, records: CaptureRecords, views: Sequence[PhotoView]
-                  ) -> photo_errors.StatedErrors:
-    """What is stated of errors of the photos; surfaces that the scene says to be glossy mirror what
-    it says.
+def stray_light(capture: SceneCapture, records: CaptureRecords, views: Sequence[PhotoView]
+                ) -> tuple[np.ndarray, float, dict[str, str | None]]:
+    """Glare, ambient light and gloss as ``photo_errors.with_stray_light`` takes them; surfaces that
+    the scene says to be glossy mirror what it says.
 
     Parameters
     ----------
@@ -74,10 +74,9 @@ def stated_errors(capture: SceneCapture, records: CaptureRecords, views: Sequenc
     views : sequence of PhotoView
     """
     modelled = {bsdf for view in views for bsdf in scene_file.not_plain_products(view.scene_file)}
-    return photo_errors.StatedErrors(glare_error(capture, records), capture.stray_light.ambient,
-                        {name: material.surface
-                         for name, material in capture.materials.items()
-                         if material.known is None and capture.bsdfs[name] not in modelled})
+    return glare_error(capture, records), capture.stray_light.ambient, {
+        name: material.surface for name, material in capture.materials.items()
+        if material.known is None and capture.bsdfs[name] not in modelled}
 
 
 def glare_error(capture: SceneCapture, records: CaptureRecords) -> np.ndarray:

@@ -84,14 +84,13 @@ def write_colour(config: SessionConfig, run: FinishedRun, folder: Path, space: s
                                                glare, reflectances, profile.table, layout.names,
                                                layout.neutrals,
                                                None if own is None else stated_transform(own))
-    quantities = archive_quantities.archive_quantities(
-        patches, records.flat_signals.light[view.name].over_photo)
     facts = {"files": [str(path) for path in (*files, folder / PHOTO, folder / PAGE)],
              "space": profile_files.SPACES[space].name, "clipped": clipped,
              "delta_e00": profile.facts(),
              "chart": {"mean": float(patches.differences.mean()),
                        "by_own_matrix": _own_mean(patches)},
-             "archive": [_quantity_facts(one) for one in quantities]}
+             "archive": archive_quantities.archive_quantities(
+                 patches, records.flat_signals.light[view.name].over_photo)}
     write_text_whole(folder / PAGE, _page(config, facts, profile, patches,
                                           calibration.findings))
     return facts, _text(facts, profile)
@@ -107,12 +106,6 @@ def _own_mean(patches: archive_quantities.ChartColours) -> float | None:
     if patches.own is None:
         return None
     return float(np.mean(appearance.ciede2000(patches.own, patches.reference)))
-
-
-def _quantity_facts(one: archive_quantities.ArchiveQuantity) -> dict[str, Any]:
-    return {"name": one.name, "value": one.value, "unit": one.unit, "measured_on": one.measured_on,
-            "limits": {name: dict(limits) for name, limits in one.limits.items()},
-            "grades": {name: one.grade(name) for name in one.limits}}
 
 
 def _text(facts: dict[str, Any], profile: colour_profiles.ColourProfile) -> str:

@@ -74,15 +74,15 @@ def relight(
         run_outputs.require_results(finished, "spectrabox relight")
         write_png(png, picture)
         write_exr(png.with_suffix(".exr"), xyz, ("X", "Y", "Z"))
-    lines = [f"{colour.name:<16} L* {colour.lab[0]:5.1f}  a* {colour.lab[1]:6.1f}  b* "
-             f"{colour.lab[2]:6.1f}"
-             + ("   given" if colour.delta_e00_95 is None else
-                f"   draws within dE00 {colour.delta_e00_median:.2f} (half), "
-                f"{colour.delta_e00_95:.2f} (95 %)")
-             for colour in colours]
+    lines = [f"{name:<16} L* {lab[0]:5.1f}  a* {lab[1]:6.1f}  b* {lab[2]:6.1f}"
+             + ("   given" if upper is None else
+                f"   draws within dE00 {median:.2f} (half), {upper:.2f} (95 %)")
+             for name, (lab, median, upper) in colours.items()]
     return command_line.Answer({"png": str(png), "exr": str(png.with_suffix(".exr")),
                    "light": light or "session",
-                   "colours": [vars(colour) for colour in colours],
+                   "colours": [{"name": name, "lab": lab, "delta_e00_median": median,
+                                "delta_e00_95": upper}
+                               for name, (lab, median, upper) in colours.items()],
                    "notes": list(notes), "stale": stale},
                   "\n".join([*lines, *notes, f"picture: {png}"]))
 

@@ -14,7 +14,6 @@ from spectrabox.session.terminal import command_help, command_line
 if TYPE_CHECKING:
     import numpy as np
 
-    from spectrabox.measure.more_bands.filter_fit import MeasuredFilter
     from spectrabox.radiometry.records.spectra import Quantity, Spectrum
     from spectrabox.radiometry.spectra.formats.measurement_table import SpectralTable
 
@@ -300,15 +299,24 @@ def fit_filter(
 
     if out in files:
         raise errors.InputError(f"{out} is one of the given files; name another file")
-    known = _of_readings(*files) if readings else _of_charts(*files, light, reference, layout)
+    known, level_known = (_of_readings(*files), True) if readings \
+        else _of_charts(*files, light, reference, layout)
+    transmittance, error = known.values, known.standard_error
+    assert error is not None
     write_text_whole(out, table_text(
-        grid.FINE_GRID.nm, {"transmittance": known.transmittance,
-                            "standard_error": known.standard_error},
+        grid.FINE_GRID.nm, {"transmittance": transmittance, "standard_error": error},
         quantity=Quantity.RELATIVE, source=known.source))
-    return command_line.Answer(known.facts() | {"file": out}, f"wrote {out}: {known.text()}")
+    relative = error / transmittance.max()
+    level = "" if level_known else "; its level is not known, and was set to 1 at its best"
+    return command_line.Answer(
+        {"wavelengths_nm": grid.FINE_GRID.nm, "transmittance": transmittance,
+         "standard_error": error, "level_known": level_known, "file": out},
+        f"wrote {out}: transmittance {transmittance.min():.3f} to {transmittance.max():.3f}, "
+        f"standard error {relative.mean():.1%} of its largest value on average, "
+        f"{relative.max():.1%} at worst{level}")
 
 
-def _of_readings(without: Path, through: Path) -> MeasuredFilter:
+def _of_readings(without: Path, through: Path) -> Spectrum:
     from spectrabox.measure.more_bands.filter_fit import filter_from_readings
     from spectrabox.radiometry.records.spectra import Quantity
     from spectrabox.radiometry.spectra.spectrum_files import read_spectrum
@@ -317,7 +325,7 @@ def _of_readings(without: Path, through: Path) -> MeasuredFilter:
 
 
 def _of_charts(without: Path, through: Path, light: str, reference: str | None,
-               layout: str) -> MeasuredFilter:
+               layout: str) -> tuple[Spectrum, bool]:
     from spectrabox.capture.photo.linear import open_photo
     from spectrabox.measure.more_bands.filter_fit import filter_from_photos
     from spectrabox.radiometry.charts.references import reference_reflectances

@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -110,18 +109,14 @@ def uplift_answer(request: UpliftRequest,
     source, layout = image_source(request), uplift_layout(request)
     height, width, _ = source.size
 
-    def surveys() -> Iterator[pixel_spectra.Survey]:
-        for first, last in pixel_spectra.row_blocks(height, width):
-            yield pixel_spectra.survey_rows(source, first, last)
-            progress("signals", last / height, "")
-
-    survey = pixel_spectra.merge_surveys(surveys())
-    pixel_spectra.require_below_white(survey.above, height * width, WHITE_REMEDY)
+    points, sample, outside, above = pixel_spectra.survey(
+        source, lambda share: progress("signals", share, ""))
+    pixel_spectra.require_below_white(above, height * width, WHITE_REMEDY)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        plan = pixel_spectra.plan_spectra(source, layout, survey,
-                            lambda share: progress("table", share, ""), pool.map)
+        tables = pixel_spectra.spectra_tables(source, layout, points, sample,
+                                              lambda share: progress("table", share, ""), pool.map)
     off: list[int] = []         # pixels of each block without their own colour
-    of_colours = uplift.of_colours(source, plan, encoded=request.encoded)
+    of_colours = uplift.of_colours(source, layout, tables, encoded=request.encoded)
 
     def spectra_of(block: pixel_spectra.PixelBlock) -> tuple[np.ndarray, ...]:
         mean, deviation, apart = of_colours(block)
@@ -132,8 +127,8 @@ def uplift_answer(request: UpliftRequest,
     paths = spectra_files.write_spectra(blocks, (height, width), request.out, layout,
                           lambda share: progress("spectra", share, ""), source.responses,
                           (COLOUR_ERROR,))
-    table = uplift.table_error(source, plan, survey, encoded=request.encoded)
-    return uplift_summary(request, plan, paths, height * width, survey.outside, table,
+    table = uplift.table_error(source, layout, tables, sample, encoded=request.encoded)
+    return uplift_summary(request, paths, height * width, outside, table,
                           uplift.colours_off(sum(off), height * width) if request.encoded else None)
 
 
@@ -159,15 +154,14 @@ def image_source(request: UpliftRequest) -> uplift.ImageSource:
                               request.noise, request.side)
 
 
-def uplift_summary(request: UpliftRequest, plan: pixel_spectra.SpectraPlan, paths: dict[str, Path],
-                   pixels: int, outside: int, table: Finding | None, colours: Finding | None
+def uplift_summary(request: UpliftRequest, paths: dict[str, Path], pixels: int, outside: int,
+                   table: Finding | None, colours: Finding | None
                    ) -> tuple[dict[str, Any], list[Finding], str]:
     """JSON object, findings and text of an image whose spectra are written.
 
     Parameters
     ----------
     request : UpliftRequest
-    plan : SpectraPlan
     paths : dict
         Names to files.
     pixels : int
@@ -179,11 +173,12 @@ def uplift_summary(request: UpliftRequest, plan: pixel_spectra.SpectraPlan, path
     colours : Finding or None
         Of the colours of a picture in sRGB.
     """
-    mean_nm, deviation_nm = plan.kept.nm
+    layout = uplift_layout(request)
+    mean_nm, deviation_nm = layout.nm
     facts = {**{name: str(path) for name, path in paths.items()},
              "pixels": pixels, "outside_0_to_1": outside / pixels,
              "wavelengths_nm": mean_nm.tolist(), "standard_deviation_nm": deviation_nm.tolist(),
-             "pixel_type": uplift_layout(request).pixel_type,
+             "pixel_type": layout.pixel_type,
              "table_delta_e00": None if table is None else
              {key: table.values[key] for key in ("median", "largest", "beyond")},
              "colours_off": None if colours is None else colours.values["pixels"] / pixels}
