@@ -56,16 +56,6 @@ class InputFile:
 PhotoFiles = dict[str, tuple[InputFile, ...]]
 
 
-@dataclass(frozen=True)
-class Development:
-    """How every photo becomes linear signal."""
-
-    dark_frames: tuple[InputFile, ...] = ()
-    flat_fields: Mapping[str, InputFile] = field(default_factory=dict)      # by band
-    not_linear: bool = False                # take JPEG and PNG, decoded as sRGB
-    orientation: int = 1                    # how photos are turned, as EXIF numbers it
-
-
 @dataclass(frozen=True, eq=False)
 class LitChart:
     """The chart of every chart photo."""
@@ -271,7 +261,10 @@ class Capture(ABC):
     name: str = ""                          # of the whole, in sentences
     views: tuple[View, ...]                 # photos of the surfaces, the first of them first
     chart: LitChart | None                  # None where no photo shows one
-    development: Development = field(default_factory=Development)
+    dark_frames: tuple[InputFile, ...] = ()     # taken off every photo
+    flat_fields: Mapping[str, InputFile] = field(default_factory=dict)      # by band
+    not_linear: bool = False                # take JPEG and PNG, decoded as sRGB
+    orientation: int = 1                    # how photos are turned, as EXIF numbers it
     sensitivity: Sensitivity = field(default_factory=Sensitivity)
     repeatability: options.Repeatability = field(default_factory=options.Repeatability)
     stray_light: options.StrayLight = field(default_factory=options.StrayLight)

@@ -145,7 +145,7 @@ def statements_of(capture: captured.Capture) -> Statements:
         chart_in_photo=all(view.shows_chart for view in views),
         lamp_moved=capture.lamp_moved,
         known_error=max(capture.known_errors.values(), default=0.0),
-        dark_frames=bool(capture.development.dark_frames),
+        dark_frames=bool(capture.dark_frames),
         bracket=any(len(files) > 1 for view in views for files in view.photo.values()))
 
 

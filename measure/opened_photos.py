@@ -102,12 +102,11 @@ def _developed_files(capture: captured.Capture, band: str, files: tuple[captured
     """Files of one band: a photo, or a bracket of exposures."""
     if files[0].opened is not None:
         return files[0].opened, files[0].findings
-    chosen = capture.development
-    flat = chosen.flat_fields.get(band, chosen.flat_fields.get(captured.ONE_PHOTO))
+    flat = capture.flat_fields.get(band, capture.flat_fields.get(captured.ONE_PHOTO))
     return developed.develop_photos([file.path for file in files],
-                                    [frame.path for frame in chosen.dark_frames],
-                                    None if flat is None else flat.path, chosen.not_linear,
-                                    channels, chosen.orientation)
+                                    [frame.path for frame in capture.dark_frames],
+                                    None if flat is None else flat.path, capture.not_linear,
+                                    channels, capture.orientation)
 
 
 def channels_of_photos(capture: captured.Capture) -> Channels:
@@ -117,7 +116,7 @@ def channels_of_photos(capture: captured.Capture) -> Channels:
     """
     charts = [view.chart for view in capture.views_with_chart]
     first = charts[0] if charts else capture.views[0].photo
-    images = (developed.open_any(files[0].path, capture.development.not_linear)
+    images = (developed.open_any(files[0].path, capture.not_linear)
               for files in first.values())
     return tuple(developed.bright_channels(image) if capture.sensitivity.curves is None
                  else (developed.strongest_channel(image),) for image in images)

@@ -149,14 +149,12 @@ def _attempt_photos(capture: captured.Capture, attempt: Attempt) -> None:
     Of a photo whose flat field or dark frame is at fault, its own faults are looked for without it.
     Parts of the capture that could not be read are None, and nothing is asked of them.
     """
-    chosen = capture.development
-    alone = dataclasses.replace(capture, development=dataclasses.replace(
-        chosen, flat_fields={}, dark_frames=()))
-    for file in (*chosen.flat_fields.values(), *chosen.dark_frames,
+    alone = dataclasses.replace(capture, flat_fields={}, dark_frames=())
+    for file in (*capture.flat_fields.values(), *capture.dark_frames,
                  *(file for view in capture.views
                    for file in (*captured.files_of(view.photo), *captured.files_of(view.chart)))):
         if file.path is not None:
-            attempt(open_any, file.path, chosen.not_linear)
+            attempt(open_any, file.path, capture.not_linear)
 
     def developed_photo(photo: captured.PhotoFiles) -> LinearImage | None:
         if any(file.path is None for file in captured.files_of(photo)):

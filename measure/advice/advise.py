@@ -156,7 +156,7 @@ def _of_flat_sample(sample: flat_actions.FlatPhotos,
     if not sample.known:
         forecasts[advice_kinds.WHITE_CARD] = lambda: forecasting.outlook_after(
             unknown, sample.signals(name, card=True))
-    if not capture.development.flat_fields:
+    if not capture.flat_fields:
         forecasts[advice_kinds.FLAT_FIELD] = lambda: forecasting.outlook_after(unknown,
                                                                                sample.signals(
                                                                                    name,

@@ -264,7 +264,7 @@ def common_findings(capture: captured.Capture, records: CaptureRecords) -> dict[
             "grid": records.signals.grid, "signal_bands": records.signals.bands,
             "photo": records.photo.photos[""], "stated": conditions.statements_of(capture),
             "processed": any(photo.kind is photo_records.PhotoKind.PROCESSED for photo in photos),
-            "by_flat_field": bool(capture.development.flat_fields),
+            "by_flat_field": bool(capture.flat_fields),
             "calibration_findings": records.calibrate.findings,
             "kept": records.findings,
             "picture": records.picture,

@@ -129,10 +129,9 @@ class _Reader:
             "chart": self.read(_lit_chart, shoot, self.inputs) if shoot.views_with_chart else None,
             "chart_scene": self.read(read_chart_scene, shoot, self.inputs)
             if shoot.views_with_chart else None,
-            "development": captured.Development(
-                tuple(self.file(name) for name in photos.dark_files),
-                {band: self.file(name) for band, name in photos.flats.items()},
-                photos.not_linear, photos.orientation),
+            "dark_frames": tuple(self.file(name) for name in photos.dark_files),
+            "flat_fields": {band: self.file(name) for band, name in photos.flats.items()},
+            "not_linear": photos.not_linear, "orientation": photos.orientation,
             "sensitivity": self.read(_sensitivity, shoot, self.inputs),
             "repeatability": shoot.repeatability, "stray_light": shoot.stray_light,
             "sampling": shoot.sampling, "picture": self._picture(), "finish": self.finish}

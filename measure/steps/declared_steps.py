@@ -18,8 +18,13 @@ def inputs_of_charts(capture: captured.Capture) -> dict[str, Any]:
     chart = capture.lit_chart
     return {"chart": [chart.layout, chart.reflectances, chart.stated, chart.corners_px],
             "photos": {view.name: view.chart for view in capture.views_with_chart},
-            "lights": lights_of(capture), "development": capture.development,
+            "lights": lights_of(capture), "development": development_of(capture),
             "channels": channels_from(capture)}
+
+
+def development_of(capture: captured.Capture) -> list[Any]:
+    """How every photo becomes linear signal."""
+    return [capture.dark_frames, capture.flat_fields, capture.not_linear, capture.orientation]
 
 
 def lights_of(capture: captured.Capture) -> dict[str, Any]:
@@ -43,7 +48,7 @@ def inputs_of_flat_photos(capture: captured.FlatCapture) -> dict[str, Any]:
     return {"photos": {view.name: view.photo for view in capture.views},
             "regions": {name: [region.outline, region.photos]
                         for name, region in capture.regions.items()},
-            "development": capture.development,
+            "development": development_of(capture),
             "channels": channels_from(capture)}
 
 
@@ -51,7 +56,7 @@ def inputs_of_scene_photos(capture: captured.SceneCapture) -> dict[str, Any]:
     """What of a capture the photos of a scene depend on."""
     return {"photos": {view.name: [view.photo, view.lens] for view in capture.views},
             "scenes": {view.name: _film_of(view) for view in capture.views},
-            "width": capture.inversion.width, "development": capture.development,
+            "width": capture.inversion.width, "development": development_of(capture),
             "channels": channels_from(capture)}
 
 
@@ -111,7 +116,7 @@ def inputs_of_flat_picture(capture: captured.FlatCapture) -> dict[str, Any]:
             "photos": {view.name: view.photo for view in capture.picture_views},
             "known": {name: [region.outline, region.photos, region.known, region.known_error]
                       for name, region in capture.regions.items() if region.known is not None},
-            "development": capture.development, "repeatability": capture.repeatability,
+            "development": development_of(capture), "repeatability": capture.repeatability,
             "stray light": capture.stray_light}
 
 
@@ -119,7 +124,7 @@ def inputs_of_scene_picture(capture: captured.SceneCapture) -> dict[str, Any]:
     """What of a capture the picture depends on."""
     first = capture.views[0]
     return {"picture": capture.picture, "photo": [first.photo, first.lens], "scene": first.scene,
-            "development": capture.development, "engine": capture.inversion.engine,
+            "development": development_of(capture), "engine": capture.inversion.engine,
             "repeatability": capture.repeatability, "stray light": capture.stray_light,
             "seed": capture.seed}
 

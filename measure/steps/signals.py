@@ -150,7 +150,7 @@ def flat_errors(capture: FlatCapture, records: step_records.CaptureRecords) -> w
     own, common = fit.patch_error
     return white.FlatErrors(capture.repeatability.relative_error, capture.stray_light.glare,
                       PatchError(float(own), float(common)),
-                      bool(capture.development.flat_fields), capture.repeatability.plane,
+                      bool(capture.flat_fields), capture.repeatability.plane,
                       {name: region.surface for name, region in capture.regions.items()
                        if region.surface is not None}, capture.known_errors, capture.seed,
                       capture.layout.gloss)

@@ -327,8 +327,7 @@ class LiveSample:
                                          strict=True):
                 for files in map(captured.files_of, (view.photo, view.chart)):
                     if len(files) == 1 and files[0].path is not None:
-                        photo = self._views.photo(PhotoFile(files[0].path,
-                                                            capture.development.orientation))
+                        photo = self._views.photo(PhotoFile(files[0].path, capture.orientation))
                         look = shown_photo.scene_look(calibration, photo.reduced(HALVINGS))
                         if look is not None:
                             looks[files[0].path] = look
@@ -372,12 +371,12 @@ class LiveSample:
         """Every photo, developed; those of one file alone are shown too."""
         images = {}
         photos = opened_photos.OpenPhotos(capture)
-        plain = not (capture.development.flat_fields or capture.development.dark_frames)
+        plain = not (capture.flat_fields or capture.dark_frames)
         for view in capture.views:
             images[view.name] = photos.developed(view.photo)[0]
             files = [file for band in view.photo.values() for file in band]
             if len(files) == 1 and plain:
-                self._views.keep(PhotoFile(files[0].path, capture.development.orientation),
+                self._views.keep(PhotoFile(files[0].path, capture.orientation),
                                  images[view.name])
         return images
 
