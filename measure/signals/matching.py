@@ -89,7 +89,7 @@ def match_signal(surface: str, measurement: SpectralMeasurement, library: Spectr
     library : SpectralLibrary
         On the measurement's wavelengths.
     prior, variation, evidence_ratio
-        As in `sampling.judge.identification.identify`.
+        As in `sampling.evaluation.identification.identify`.
 
     Raises
     ------
