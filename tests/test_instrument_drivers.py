@@ -66,9 +66,8 @@ def test_the_stored_recordings_are_those_the_script_makes(meter):
                          ids=lambda value: getattr(value, "name", "socket" if value
                                                    else "terminal"))
 def test_a_recording_is_read_as_its_true_spectrum(meter, over_socket):
-    played = replay_transcript(recording(meter.name), over_socket=over_socket)
-    assert not played.problems and played.synthetic
-    reading = played.readings[0]
+    (reading, *_), problems = replay_transcript(recording(meter.name), over_socket=over_socket)
+    assert not problems
     assert reading.outcome is ReadingOutcome.MEASURED and reading.quantity is Quantity.RADIANCE
     np.testing.assert_array_equal(reading.spectrum.values, meter.values)
     np.testing.assert_array_equal(reading.spectrum.grid.nm, meter.nm)
@@ -79,7 +78,7 @@ def test_a_recording_is_read_as_its_true_spectrum(meter, over_socket):
 @pytest.mark.parametrize("meter", [meter for meter in all_meters() if meter.values is None],
                          ids=lambda meter: meter.name)
 def test_too_dark_and_too_bright_are_results_with_a_reason_and_no_spectrum(meter):
-    reading = replay_transcript(recording(meter.name)).readings[0]
+    reading = replay_transcript(recording(meter.name))[0][0]
     assert reading.spectrum is None and reading.quantity is None
     assert reading.outcome.name.lower().replace("_", "-") in meter.name
     assert not reading.outcome.has_spectrum

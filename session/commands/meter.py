@@ -168,21 +168,22 @@ def replay(
     command_line.check_ending(plot, {".png": "a picture of the spectrum"}, "--plot")
     from spectrabox.capture.transcripts import player, sniffed_traffic
     from spectrabox.session.meters.measuring import reading_line, shown_reading
-    played = player.replay_transcript(sniffed_traffic.read_recording(transcript), speed=speed)
-    spectra = [reading.spectrum for reading in played.readings if reading.spectrum is not None]
+    recording = sniffed_traffic.read_recording(transcript)
+    readings, problems = player.replay_transcript(recording, speed=speed)
+    instrument, synthetic = recording.facts["instrument"], "synthetic" in recording.facts
+    spectra = [reading.spectrum for reading in readings if reading.spectrum is not None]
     if plot is not None and spectra:
         from spectrabox.capture.meter.measurement_files import png_plot
         png_plot(spectra[-1], plot)
-    facts = {"instrument": played.instrument, "synthetic": played.synthetic,
-             "problems": list(played.problems),
-             "readings": [shown_reading(reading) for reading in played.readings]}
+    facts: dict[str, Any] = {
+        "instrument": instrument, "synthetic": synthetic, "problems": problems,
+        "readings": [shown_reading(reading) for reading in readings]}
     if out is not None:
-        _write_spectra(out, spectra, f"{played.instrument}, {transcript.name}")
+        _write_spectra(out, spectra, f"{instrument}, {transcript.name}")
         facts["file"] = out
-    lines = [reading_line(number, reading)
-             for number, reading in enumerate(played.readings, 1)]
-    lines += [f"- {problem}" for problem in played.problems]
-    if played.synthetic:
+    lines = [reading_line(number, reading) for number, reading in enumerate(readings, 1)]
+    lines += [f"- {problem}" for problem in problems]
+    if synthetic:
         lines += ["synthetic: built from protocol notes, not recorded from an instrument"]
     if draw and spectra:
         from spectrabox.capture.meter.measurement_files import text_plot
