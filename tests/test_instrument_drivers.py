@@ -95,7 +95,7 @@ SILENT = {"cs2000": r"no complete reply within 10 s \(nothing came\); check",
 
 @pytest.mark.parametrize("name, other", list(zip(CLEAN, [*CLEAN[1:], CLEAN[0]], strict=True)))
 def test_a_wrong_instrument_on_the_port_is_an_error(name, other):
-    baud = driver_named(other).line_settings.baud
+    baud = driver_named(other).baud
     transcript = recording(name)
     transcript = dataclasses.replace(transcript, facts={**transcript.facts, "line": str(baud)})
     # the two of JETI speak one language; the others do not understand each other
@@ -209,8 +209,8 @@ def test_a_pr655_is_typed_to_one_character_at_a_time():
 
         def write(self, data):
             self.sent.append((time.monotonic(), data))
-    line = SerialLine(Port(), "port", driver_named("pr655").line_settings, lambda direction,
-                      data: None, Pace(0.1))
+    line = SerialLine(Port(), "port", lambda direction, data: None, Pace(0.1),
+                      character_pause_s=driver_named("pr655").character_pause_s)
     line.write(b"PHOTO")
     assert [data for _, data in Port.sent] == [b"P", b"H", b"O", b"T", b"O"]
     # sleep() never returns early, so 50 ms at scale 0.1 is a lower bound.

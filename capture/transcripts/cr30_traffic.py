@@ -24,7 +24,7 @@ def as_our_driver_has_it(recording: Transcript,
                          steps: Sequence[tuple[str, tuple[Event, ...]]]) -> Transcript:
     """The transcript of the steps of a recording that a player plays to our driver."""
     return Transcript({**recording.facts, "instrument": cr30.Cr30.name,
-                       "line": str(cr30.Cr30.line_settings.baud)},
+                       "line": str(cr30.Cr30.baud)},
                       tuple(event for _, events in steps for event in events), recording.file)
 
 

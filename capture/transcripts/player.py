@@ -316,8 +316,8 @@ def record(folder: Path, instrument: str, wanted: MeterSettings) -> Iterator[Tra
     """
     driver = drivers.driver_named(instrument)
     now = datetime.now(UTC)
-    line = driver.line_settings
-    facts = {"instrument": driver.name, "line": f"{line.baud}{' rtscts' if line.rtscts else ''}",
+    facts = {"instrument": driver.name,
+             "line": f"{driver.baud}{' rtscts' if driver.rtscts else ''}",
              "recorded": now.isoformat(timespec="seconds"), "settings": settings_text(wanted)}
     writer = TranscriptWriter(folder / f"{now:%Y%m%dT%H%M%S.%f}.transcript", facts)
     try:
