@@ -115,7 +115,7 @@ def take_reading(instrument: interface.Instrument, identity: interface.Identity,
         return SpectralReading(spectrum=None, quantity=None, integration_ms=None, luminance=None,
                                findings=warnings, **facts)
     held = _trusted_result(instrument)
-    luminance = None if held.stated.luminance is None else held.stated.luminance.value
+    luminance = None if held.stated.luminance is None else held.stated.luminance[0]
     if _is_dark(held):
         facts["outcome"] = ReadingOutcome.TOO_DARK
         return SpectralReading(spectrum=None, quantity=None, integration_ms=held.integration_ms,
@@ -160,7 +160,7 @@ def _trusted_result(instrument: interface.Instrument) -> interface.HeldResult:
 
 def _is_dark(held: interface.HeldResult) -> bool:
     stated = held.stated.luminance
-    return not np.any(held.values > 0) or (stated is not None and stated.value <= 0
+    return not np.any(held.values > 0) or (stated is not None and stated[0] <= 0
                                            and appearance.luminance_of(held.nm, held.values) <= 0)
 
 
