@@ -279,8 +279,8 @@ def _series_facts(name: str, series: ReadingSeries) -> dict[str, Any]:
         "relative_spread": series.relative_spread if several else None,
         "relative_drift": series.relative_drift if several else None,
         "relative_drift_error": series.relative_drift_error if series.readings > 2 else None,
-        "flags": [texts.says(finding) for finding in series.findings],
-        "findings": [texts.facts(finding) for finding in series.findings]}
+        "findings": [texts.facts(finding) for finding in series.findings],
+        "flags": [texts.says(finding) for finding in series.findings]}
 
 
 def _measured_text(written: Path, role: str, series: Mapping[str, ReadingSeries],
