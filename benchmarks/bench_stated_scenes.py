@@ -67,7 +67,7 @@ def nothing_known(number: int, bands: int) -> tuple[float, float, float, str]:
             progress=False)
     rows = [simulated.figures_of_one(found[name], spectrum) for name, spectrum in truth.items()]
     held, rmse, *_ = np.mean(rows, axis=0)
-    level = found.reconstruction.views[0].light_scale.common_errors[0].relative
+    level = next(iter(found.reconstruction.views[0].light_scale.common_errors.values()))
     return float(held), float(rmse), level, found.verdict
 
 

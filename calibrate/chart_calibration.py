@@ -428,11 +428,11 @@ def through_filter(calibration: calibration_records.Calibration, fit: sensitivit
     fitted, light = fit.photos[number].filter, calibration.light
     if fitted is None:
         return calibration
-    passed = fitted.filter.transmittance / fitted.filter.transmittance.max()
+    passed = fitted.transmittance / fitted.transmittance.max()
     error = light.standard_error
     return replace(calibration, filter=fitted, light=spectra.Spectrum(
         grid, spectrum_on_grid(light, grid) * passed, light.quantity,
-        f"{light.source} through {fitted.filter.name}",
+        f"{light.source} through {fitted.name}",
         None if error is None else np.interp(grid.nm, light.grid.nm, error) * passed))
 
 

@@ -352,10 +352,10 @@ def _light_place(result: scene_result.SceneResult) -> Finding:
 
 
 def _geometry(result: scene_result.SceneResult) -> Finding:
-    if result.geometry is None:
+    if not result.placements:
         return condition("condition.geometry", STATED, "scene")
     return condition("condition.geometry", MEASURED, "estimated",
-                     names=[placement.what for placement in result.geometry.placements])
+                     names=[placement.what for placement in result.placements])
 
 
 def _tied_to_known(result: scene_result.SceneResult) -> bool:
@@ -444,8 +444,8 @@ def _mirrored(surfaces: Sequence[SurfaceResult]) -> float | None:
 def _common_error(result: scene_result.SceneResult, causes: Sequence[str]) -> float | None:
     """Standard error of the light scale by these causes, in the photo where it is largest."""
     scales = [result.light_scale, *(made.light_scale for _, made in result.views.values())]
-    errors = [float(np.hypot.reduce([0.0, *(error.relative for error in scale.common_errors
-                                            if error.cause in causes)])) for scale in scales]
+    errors = [float(np.hypot.reduce([0.0, *(error for cause, error in scale.common_errors.items()
+                                            if cause in causes)])) for scale in scales]
     return max(errors) or None
 
 

@@ -94,7 +94,8 @@ class ReconstructionRecords(Record):
 
     joint: scenes.JointReconstruction
     signals: SurfaceSignals
-    geometry: scenes.SceneGeometry              # that was estimated
+    placements: tuple[scenes.Placement, ...]    # of lamps and cameras that were estimated
+    marked_views: tuple[scenes.MarkedView, ...]     # whose camera was estimated by marked corners
     # XML of the scenes of a measured box, by the first view of each; none of scenes in files
     box_scenes: dict[str, str]
     findings: tuple[Finding, ...] = ()          # of what the scenes state

@@ -75,19 +75,6 @@ class PatchSignals(Record):
 Change = Callable[[np.ndarray, np.ndarray], np.ndarray]   # (signals, parameters) -> signals
 
 
-@dataclass(frozen=True, eq=False)
-class _Model:
-    """One way in which a cause changes signals, whose white is 1 in each band."""
-
-    change: Change
-    sd: np.ndarray                      # of its parameters beforehand
-    mean: np.ndarray | None = None      # of the same; None: 0
-    log_prior: float = 0.0
-    mixing: float = 0.0                         # sd of further mixing of the bands
-    matrix: bool = False                        # to a narrower colour space, see ``MATRIX``
-    field_sd: float = 0.0                       # of a further field
-
-
 def ranked(patches: PatchSignals, known: Mapping[str, float] | None = None) -> dict[str, float]:
     """How well each cause explains the signals of a chart: its log evidence in nats above that of
     an ordinary photo, the likeliest first.
@@ -100,9 +87,9 @@ def ranked(patches: PatchSignals, known: Mapping[str, float] | None = None) -> d
     """
     usable = np.isfinite(patches.signal).all(axis=1) & (patches.expected > 0).all(axis=1)
     chart = _Chart(patches, usable)
-    ordinary = chart.evidence(_Model(lambda signal, _: signal, np.zeros(0)))
-    evidence = {cause: _evidence(chart, models) - ordinary
-                for cause, models in _models(chart).items()}
+    ordinary = chart.evidence(_unchanged, np.zeros(0))
+    evidence = {cause: float(logsumexp(forms)) - ordinary
+                for cause, forms in _evidence(chart).items()}
     for cause, nats in (known or {}).items():
         evidence[cause] = max(evidence.get(cause, 0.0), 0.0) + nats
     evidence[CHANCE] = 0.0
@@ -162,15 +149,14 @@ def settled(findings: Iterable[Finding], evidence: Mapping[str, float],
         "causes": left, "doubts": {one.code: dict(one.values) for one in doubts}})]
 
 
-def _evidence(chart: _Chart, models: Iterable[_Model]) -> float:
-    """Of a cause that takes one of several forms."""
-    return float(logsumexp([chart.evidence(model) + model.log_prior for model in models]))
-
-
 # ---- the causes ----------------------------------------------------------------------------------
 
-def _models(chart: _Chart) -> dict[str, list[_Model]]:
-    """The forms of each cause."""
+def _unchanged(signal: np.ndarray, _: np.ndarray) -> np.ndarray:
+    return signal
+
+
+def _evidence(chart: _Chart) -> dict[str, list[float]]:
+    """Log evidence of each form that a cause can take, with that of the form beforehand."""
     bands, field = chart.bands, chart.field
     plane, contrasts = field[:, :2], chart.contrasts
     drifts = np.einsum("ia,kc->ikac", plane, contrasts).reshape(*chart.shape, -1)
@@ -189,30 +175,31 @@ def _models(chart: _Chart) -> dict[str, list[_Model]]:
 
     return {
         # some veils are coloured by what they come from
-        VEIL: [_Model(even, np.r_[0.15, np.full(bands, 0.15)], np.r_[0.25, np.zeros(bands)])],
-        UNEVEN: [_Model(lambda signal, _: signal, np.zeros(0), field_sd=0.25)],
-        TWO_LIGHTS: [_Model(lambda signal, by: signal * np.exp(drifts @ by),
-                            np.full(drifts.shape[2], 0.1), field_sd=0.1)],
-        SHADING: [_Model(lambda signal, by: signal * np.exp(curved @ by), curved_sd,
-                         field_sd=0.1)],
-        TONE: [_Model(curve, np.array([0.15]), np.array([np.log(power)]), np.log(1 / 3))
+        VEIL: [chart.evidence(even, np.r_[0.15, np.full(bands, 0.15)],
+                              np.r_[0.25, np.zeros(bands)])],
+        UNEVEN: [chart.evidence(_unchanged, np.zeros(0), field_sd=0.25)],
+        TWO_LIGHTS: [chart.evidence(lambda signal, by: signal * np.exp(drifts @ by),
+                                    np.full(drifts.shape[2], 0.1), field_sd=0.1)],
+        SHADING: [chart.evidence(lambda signal, by: signal * np.exp(curved @ by), curved_sd,
+                                 field_sd=0.1)],
+        TONE: [chart.evidence(curve, np.array([0.15]), np.array([np.log(power)]), np.log(1 / 3))
                for power in (0.45, 0.6, 0.8)],
-        COMPUTED: [_Model(lambda signal, _: signal, np.zeros(0), matrix=True)],
-        LIGHT: [_Model(lambda signal, _: signal, np.zeros(0), mixing=0.25)],
+        COMPUTED: [chart.evidence(_unchanged, np.zeros(0), matrix=True)],
+        LIGHT: [chart.evidence(_unchanged, np.zeros(0), mixing=0.25)],
         BLACK: _black_levels(chart),
         SHADOW: _shadows(chart), REFLECTION: _reflections(chart), CHART: _soiled(chart)}
 
 
-def _black_levels(chart: _Chart) -> list[_Model]:
+def _black_levels(chart: _Chart) -> list[float]:
     """One level in all bands, in shares of the brightest, or one of each band."""
     share = chart.white.max() / chart.white
-    return [_Model(lambda signal, by: signal + by[0] * share * (1 + by[1:]),
-                   np.r_[0.06, np.full(chart.bands, 0.05)], log_prior=np.log(0.7)),
-            _Model(lambda signal, by: signal + by * share, np.full(chart.bands, 0.05),
-                   log_prior=np.log(0.3))]
+    return [chart.evidence(lambda signal, by: signal + by[0] * share * (1 + by[1:]),
+                           np.r_[0.06, np.full(chart.bands, 0.05)], log_prior=np.log(0.7)),
+            chart.evidence(lambda signal, by: signal + by * share, np.full(chart.bands, 0.05),
+                           log_prior=np.log(0.3))]
 
 
-def _shadows(chart: _Chart) -> list[_Model]:
+def _shadows(chart: _Chart) -> list[float]:
     """Patches at one side of a line, the likeliest lines alone."""
     sides = []
     for angle in np.arange(8) * np.pi / 8:
@@ -226,47 +213,49 @@ def _shadows(chart: _Chart) -> list[_Model]:
     masks = masks[(within > 1) & (within < len(chart.plane) - 1)]
     best = chart.likeliest(np.repeat(masks[:, :, None], chart.bands, axis=2) * chart.start, 0.3)
 
-    def model(mask: np.ndarray) -> _Model:
+    def darkened(mask: np.ndarray) -> float:
         # what lights the shadow is a little of another colour
-        return _Model(lambda signal, by: signal * np.exp(mask[:, None] * (by[0] + by[1:])),
-                      np.r_[0.35, np.full(chart.bands, 0.03)], log_prior=-np.log(len(masks)))
-    return [model(masks[one]) for one in best]
+        return chart.evidence(
+            lambda signal, by: signal * np.exp(mask[:, None] * (by[0] + by[1:])),
+            np.r_[0.35, np.full(chart.bands, 0.03)], log_prior=-np.log(len(masks)))
+    return [darkened(masks[one]) for one in best]
 
 
-def _reflections(chart: _Chart) -> list[_Model]:
+def _reflections(chart: _Chart) -> list[float]:
     """A round spot anywhere on the chart, or some patches that mirror something."""
     spots = np.array([np.exp(-0.5 * np.sum((chart.plane - centre) ** 2, axis=1)
                              / (width * chart.pitch) ** 2)
                       for centre in chart.plane for width in (0.7, 1.2, 2.0)])
     best = chart.likeliest(np.repeat(spots[:, :, None], chart.bands, axis=2), 0.15)
 
-    def model(spot: np.ndarray) -> _Model:
-        return _Model(lambda signal, by: signal + spot[:, None] * by[0] ** 2 * (1 + by[1:]),
-                      np.r_[0.2, np.full(chart.bands, 0.1)], np.r_[0.3, np.zeros(chart.bands)],
-                      -np.log(len(spots)) + np.log(0.5))
+    def bright(spot: np.ndarray) -> float:
+        return chart.evidence(
+            lambda signal, by: signal + spot[:, None] * by[0] ** 2 * (1 + by[1:]),
+            np.r_[0.2, np.full(chart.bands, 0.1)], np.r_[0.3, np.zeros(chart.bands)],
+            -np.log(len(spots)) + np.log(0.5))
 
-    def mirrors(some: list[int]) -> _Model:
+    def mirrors(some: list[int]) -> float:
         where = np.eye(chart.shape[0])[:, some]
-        return _Model(lambda signal, by: signal + (where @ by**2)[:, None],
-                      np.full(len(some), 0.2), np.full(len(some), 0.25),
-                      RARE_PATCH * len(some) + np.log(0.5))
+        return chart.evidence(lambda signal, by: signal + (where @ by**2)[:, None],
+                              np.full(len(some), 0.2), np.full(len(some), 0.25),
+                              RARE_PATCH * len(some) + np.log(0.5))
     lifts = np.repeat(np.eye(chart.shape[0])[:, :, None], chart.bands, axis=2)
-    return [*(model(spots[one]) for one in best),
+    return [*(bright(spots[one]) for one in best),
             *map(mirrors, chart.one_by_one(lifts, 0.1, positive=True))]
 
 
-def _soiled(chart: _Chart) -> list[_Model]:
+def _soiled(chart: _Chart) -> list[float]:
     """Some patches that are not as the chart's reference says, in level and colour."""
     patches = chart.shape[0]
 
-    def model(some: list[int]) -> _Model:
+    def departing(some: list[int]) -> float:
         where = np.eye(patches)[:, some]
-        return _Model(lambda signal, by: signal * np.exp(
+        return chart.evidence(lambda signal, by: signal * np.exp(
             where @ (by.reshape(len(some), -1)[:, :1] + by.reshape(len(some), -1)[:, 1:])),
             np.tile(np.r_[0.2, np.full(chart.bands, 0.1)], len(some)),
             log_prior=RARE_PATCH * len(some))
     changes = np.repeat(np.eye(patches)[:, :, None], chart.bands, axis=2) * chart.start
-    return [model(some) for some in chart.one_by_one(changes, 0.2)]
+    return [departing(some) for some in chart.one_by_one(changes, 0.2)]
 
 
 # ---- evidence ------------------------------------------------------------------------------------
@@ -291,29 +280,30 @@ class _Chart:
         terms = np.column_stack([x, y, x**2, y**2, x * y])
         self.field = (terms - terms.mean(axis=0)) / terms.std(axis=0)
         self.contrasts = np.linalg.svd(np.eye(self.bands) - 1 / self.bands)[0][:, :self.bands - 1]
-        ordinary = _Model(lambda signal, _: signal, np.zeros(0))
         self.start = self.expected
-        state, residual, slopes = self._fitted(ordinary)
-        self.start = self._signal(ordinary, state)
-        self._rest, self._slopes, self._sd = residual, slopes, self._prior(ordinary)[1]
+        mean, self._sd = self._prior(np.zeros(0), None, 0.0, False, 0.0)
+        state, self._rest, self._slopes = self._fitted(_unchanged, mean, self._sd)
+        self.start = self._signal(_unchanged, state)
 
     # the state: log gains, mixing off the diagonal, glare, field, the cause's own
-    def _prior(self, model: _Model) -> tuple[np.ndarray, np.ndarray]:
+    def _prior(self, own_sd: np.ndarray, own_mean: np.ndarray | None, mixing: float, matrix: bool,
+               field_sd: float) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and standard deviation of the state; arguments as of ``evidence``."""
         off = ~np.eye(self.bands, dtype=bool)
         count = np.count_nonzero(off)
-        mean, further = np.zeros(count), np.full(count, model.mixing)
-        if model.matrix:
+        mean, further = np.zeros(count), np.full(count, mixing)
+        if matrix:
             apart = np.abs(np.subtract.outer(np.arange(self.bands), np.arange(self.bands)))[off]
             mean = np.where(apart == 1, MATRIX[0], 0.0)
             further = np.where(apart == 1, MATRIX[1], MATRIX[2])
-        own = np.zeros(len(model.sd)) if model.mean is None else model.mean
+        own = np.zeros(len(own_sd)) if own_mean is None else own_mean
         return (np.r_[np.zeros(self.bands), mean, np.zeros(self.bands + self.field.shape[1]),
                       own],
                 np.r_[np.full(self.bands, GAIN_SD),
                       np.hypot(self.mixing_sd, further), np.full(self.bands, GLARE_SD),
-                      np.full(self.field.shape[1], np.hypot(FIELD_SD, model.field_sd)), model.sd])
+                      np.full(self.field.shape[1], np.hypot(FIELD_SD, field_sd)), own_sd])
 
-    def _signal(self, model: _Model, state: np.ndarray) -> np.ndarray:
+    def _signal(self, change: Change, state: np.ndarray) -> np.ndarray:
         bands, off = self.bands, ~np.eye(self.bands, dtype=bool)
         mixing = np.eye(bands)
         mixing[off] = state[bands:bands * bands]
@@ -321,7 +311,7 @@ class _Chart:
         at = bands * bands + bands
         field = np.exp(self.field @ state[at:at + self.field.shape[1]])
         bare = field[:, None] * (self.expected @ mixing)
-        return np.asarray(model.change(bare, state[at + self.field.shape[1]:])
+        return np.asarray(change(bare, state[at + self.field.shape[1]:])
                           * np.exp(state[:bands]) + state[at - bands:at])
 
     def _weights(self, own: float, common: float) -> tuple[np.ndarray, float]:
@@ -331,11 +321,11 @@ class _Chart:
         covariance += common**2 * high[1][:, :, None] * high[1][:, None, :]
         return np.linalg.inv(covariance), -float(np.linalg.slogdet(covariance)[1].sum())
 
-    def _fitted(self, model: _Model) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _fitted(self, change: Change, mean: np.ndarray,
+                sd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The likeliest state, residuals (I, K) from the signal at the state beforehand as the
         linearised model has it, and derivatives (I, K, n).
         """
-        mean, sd = self._prior(model)
         weights, _ = self._weights(FIRST_OWN, FIRST_COMMON)
         state = mean.copy()
 
@@ -344,7 +334,7 @@ class _Chart:
             for one in range(len(state)):
                 moved = state.copy()
                 moved[one] += SMALL
-                slopes[..., one] = (self._signal(model, moved) - signal) / SMALL
+                slopes[..., one] = (self._signal(change, moved) - signal) / SMALL
             return slopes
 
         def cost(state: np.ndarray, signal: np.ndarray) -> float:
@@ -352,7 +342,7 @@ class _Chart:
             return float(np.einsum("ik,ikl,il", off, weights, off)
                          + np.sum(((state - mean) / sd) ** 2))
 
-        signal = self._signal(model, state)
+        signal = self._signal(change, state)
         now = cost(state, signal)
         for _ in range(STEPS):
             slopes = slopes_at(state, signal)
@@ -363,7 +353,7 @@ class _Chart:
             before = now
             for _ in range(4):
                 tried = state + step
-                new = self._signal(model, tried)
+                new = self._signal(change, tried)
                 if np.isfinite(new).all() and (then := cost(tried, new)) < now:
                     state, signal, now = tried, new, then
                     break
@@ -373,13 +363,22 @@ class _Chart:
         slopes = slopes_at(state, signal)
         return state, self.signal - signal + slopes @ (state - mean), slopes
 
-    def evidence(self, model: _Model) -> float:
-        """Log evidence of the signals, up to a constant of theirs."""
-        _, residual, slopes = self._fitted(model)
-        sd = self._prior(model)[1]
-        return float(logsumexp([self._log_density(residual, slopes, sd, own, common)
-                                for own in OWN_ERRORS for common in COMMON_ERRORS])
-                     - np.log(len(OWN_ERRORS) * len(COMMON_ERRORS)))
+    def evidence(self, change: Change, own_sd: np.ndarray, own_mean: np.ndarray | None = None,
+                 log_prior: float = 0.0, *, mixing: float = 0.0, matrix: bool = False,
+                 field_sd: float = 0.0) -> float:
+        """Log evidence of one way in which a cause changes signals, whose white is 1 in each band,
+        up to a constant of the signals; with the logarithm of the way's own probability.
+
+        Its parameters have ``own_mean`` (None: 0) and ``own_sd`` beforehand. ``mixing`` and
+        ``field_sd`` are those of further mixing of the bands and of a further field; ``matrix``: to
+        a narrower colour space, see ``MATRIX``.
+        """
+        mean, sd = self._prior(own_sd, own_mean, mixing, matrix, field_sd)
+        _, residual, slopes = self._fitted(change, mean, sd)
+        return log_prior + float(
+            logsumexp([self._log_density(residual, slopes, sd, own, common)
+                       for own in OWN_ERRORS for common in COMMON_ERRORS])
+            - np.log(len(OWN_ERRORS) * len(COMMON_ERRORS)))
 
     def _log_density(self, residual: np.ndarray, slopes: np.ndarray, sd: np.ndarray, own: float,
                      common: float) -> float:

@@ -267,8 +267,9 @@ def with_common_error(scale: calibration_records.LightScale, cause: str,
     error = scale.standard_error
     if error is not None:
         error = float(np.hypot(error, relative * scale.value))
-    return dataclasses.replace(scale, standard_error=error, common_errors=(
-        *scale.common_errors, calibration_records.CommonError(cause, relative)))
+    before = scale.common_errors.get(cause, 0.0)
+    return dataclasses.replace(scale, standard_error=error, common_errors={
+        **scale.common_errors, cause: float(np.hypot(before, relative))})
 
 
 def error_of_each_band(scale: calibration_records.LightScale) -> float:
@@ -277,7 +278,7 @@ def error_of_each_band(scale: calibration_records.LightScale) -> float:
     """
     if scale.standard_error is None:
         return 0.0
-    common = sum(error.relative**2 for error in scale.common_errors)
+    common = sum(error**2 for error in scale.common_errors.values())
     return float(np.sqrt(max((scale.standard_error / scale.value) ** 2 - common, 0.0)))
 
 
@@ -301,8 +302,8 @@ def scale_covariances(calibration: calibration_records.Calibration,
     fitted = calibration.light_scale is not None and calibration.sensitivity.covariance is not None
     alike = np.ones((bands, bands))
     own = error_of_each_band(scale)**2 * (np.eye(bands) if fitted else alike)
-    return {LIGHT_SCALE: own} | {error.cause: error.relative**2 * alike
-                                 for error in scale.common_errors}
+    return {LIGHT_SCALE: own} | {cause: error**2 * alike
+                                 for cause, error in scale.common_errors.items()}
 
 
 # ---- errors of the response ----------------------------------------------------------------------
@@ -406,14 +407,16 @@ def _by_filter(calibration: calibration_records.Calibration, grid: WavelengthGri
     response = calibration.sensitivity.curves * spectrum_on_grid(calibration.light, grid) \
         * grid.weights_nm
     response = response / white_signal(response)[:, None]
-    return np.asarray(response[:, :, None] * calibration.filter.filter.modes)
+    return np.asarray(response[:, :, None] * calibration.filter.modes)
 
 
-def _filter_with(filter: calibration_records.FittedFilter, variances: np.ndarray,
+def _filter_with(filter: calibration_records.Filter, variances: np.ndarray,
                  directions: np.ndarray) -> np.ndarray:
     """Errors (E, C) of the filter that come with one standard deviation of the curves along each
     of their principal directions.
     """
+    if filter.with_curves is None:
+        return np.zeros((filter.modes.shape[1], variances.size))
     certain = variances > DARK * variances.max(initial=0.0)     # none of curves that are certain
     return np.asarray(filter.with_curves @ directions
                       * np.where(certain, 1 / np.sqrt(np.where(certain, variances, 1)), 0))

@@ -4,7 +4,6 @@ from __future__ import annotations
 import hashlib
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from xml.sax.saxutils import escape
 
@@ -88,58 +87,57 @@ MADE = (2000, 1, 1, 0, 0, 0)        # no true date: the same profile is the same
 NO_RIGHTS = "No rights reserved."
 
 
-@dataclass(frozen=True)
-class RgbSpace:
-    """An RGB space of a picture that is written: its primaries adapted to D50, and its curve."""
-
-    name: str
-    to_xyz: np.ndarray              # (3, 3) linear R, G, B to X, Y, Z under D50
-    curve: tuple[float, ...]        # of ICC's parametric curve, from code values to linear
-
-    def encode(self, linear: np.ndarray) -> np.ndarray:
-        """Code values, 0 to 1, of linear values, clipped to 0 to 1.
-
-        Parameters
-        ----------
-        linear : array of any shape
-        """
-        values = np.clip(linear, 0, 1)
-        if len(self.curve) == 1:
-            return np.asarray(values ** (1 / self.curve[0]))
-        gamma, a, b, slope, knee = self.curve       # type 3: (a x + b)^gamma from the knee on
-        return np.where(values < slope * knee, values / slope,
-                        (values ** (1 / gamma) - b) / a)
-
-    def code_values(self, xyz: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Code values (..., 3) uint16 of colours, and which (...) are clipped.
-
-        Parameters
-        ----------
-        xyz : (..., 3) array
-            Under D50, Y = 1 for white.
-        """
-        linear = xyz @ np.linalg.inv(self.to_xyz).T
-        outside = (linear < -0.5 / FULL_SCALE) | (linear > 1 + 0.5 / FULL_SCALE)
-        return (np.round(self.encode(linear) * FULL_SCALE).astype(np.uint16),
-                np.asarray(outside.any(axis=-1)))
-
-    @property
-    def profile(self) -> bytes:
-        """ICC profile to embed in a picture."""
-        return _profile(b"mntr", _matrix_tags(self.name, self.to_xyz, self.curve))
+# Spaces of pictures: ROMM RGB (ISO 22028-2), with the plain exponent that programs write as
+# "ProPhoto RGB"; Display P3 (SMPTE EG 432-1 primaries, D65 adapted by Bradford), curve of
+# IEC 61966-2-1; CIE 1976 L*, a*, b* under D50; and sRGB (IEC 61966-2-1), adapted likewise, of
+# pictures for the screen
+PRO_PHOTO, P3, LAB, SRGB = "prophoto", "p3", "lab", "srgb"
+NAMES = {PRO_PHOTO: "ProPhoto RGB", P3: "Display P3", LAB: "CIE L*a*b* (D50)", SRGB: "sRGB"}
+# (3, 3) linear R, G, B to X, Y, Z under D50
+TO_XYZ = {
+    PRO_PHOTO: np.array([
+        [0.7976749, 0.1351917, 0.0313534], [0.2880402, 0.7118741, 0.0000857],
+        [0.0000000, 0.0000000, 0.8252100]]) * (PCS_WHITE / [0.96422, 1.0, 0.82521])[:, None],
+    P3: np.array([
+        [0.515102, 0.291965, 0.157153], [0.241182, 0.692236, 0.066582],
+        [-0.001050, 0.041882, 0.784378]]) * (PCS_WHITE / [0.964220, 1.0, 0.825210])[:, None],
+    SRGB: appearance.adaptation(np.linalg.solve(appearance.TO_SRGB, np.ones(3)), PCS_WHITE)
+    @ np.linalg.inv(appearance.TO_SRGB)}
+# of ICC's parametric curve, from code values to linear
+_SRGB_CURVE = (2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.04045)
+CURVES: dict[str, tuple[float, ...]] = {PRO_PHOTO: (1.8,), P3: _SRGB_CURVE, SRGB: _SRGB_CURVE}
 
 
-@dataclass(frozen=True)
-class LabSpace:
-    """CIE 1976 L*, a*, b* under D50 as TIFF 6.0 encodes it in 16 bits (section 23): L* of 100 is
-    full scale, a* and b* are signed, in steps of 1/256.
+def encode(space: str, linear: np.ndarray) -> np.ndarray:
+    """Code values, 0 to 1, of linear values in an RGB space, clipped to 0 to 1.
+
+    Parameters
+    ----------
+    space : str
+        One of ``CURVES``.
+    linear : array of any shape
     """
+    values = np.clip(linear, 0, 1)
+    if len(CURVES[space]) == 1:
+        return np.asarray(values ** (1 / CURVES[space][0]))
+    gamma, a, b, slope, knee = CURVES[space]        # type 3: (a x + b)^gamma from the knee on
+    return np.where(values < slope * knee, values / slope, (values ** (1 / gamma) - b) / a)
 
-    name: str = "CIE L*a*b* (D50)"
-    profile: bytes | None = None    # the file says itself that it is CIELAB
 
-    def code_values(self, xyz: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Code values (..., 3) uint16 and which (...) are clipped, as of ``RgbSpace``."""
+def code_values(space: str, xyz: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Code values (..., 3) uint16 of colours, and which (...) are clipped.
+
+    CIELAB is encoded as by TIFF 6.0 in 16 bits (section 23): L* of 100 is full scale, a* and b* are
+    signed, in steps of 1/256.
+
+    Parameters
+    ----------
+    space : str
+        One of ``NAMES``.
+    xyz : (..., 3) array
+        Under D50, Y = 1 for white.
+    """
+    if space == LAB:
         lab = appearance.lab_from_xyz(xyz, PCS_WHITE)
         kept = np.clip(lab, [0, *LEAST_AB], [100, *LARGEST_AB])
         lightness = np.round(kept[..., :1] / 100 * FULL_SCALE).astype(np.uint16)
@@ -147,26 +145,15 @@ class LabSpace:
         half_a_step = np.array([50 / FULL_SCALE, 0.5 / AB_STEPS, 0.5 / AB_STEPS])
         return (np.concatenate([lightness, chroma], axis=-1),
                 np.asarray((np.abs(lab - kept) > half_a_step).any(axis=-1)))
+    linear = xyz @ np.linalg.inv(TO_XYZ[space]).T
+    outside = (linear < -0.5 / FULL_SCALE) | (linear > 1 + 0.5 / FULL_SCALE)
+    return (np.round(encode(space, linear) * FULL_SCALE).astype(np.uint16),
+            np.asarray(outside.any(axis=-1)))
 
 
-# ROMM RGB (ISO 22028-2), with the plain exponent that programs write as "ProPhoto RGB", and Display
-# P3 (SMPTE EG 432-1 primaries, D65 adapted by Bradford), curve of IEC 61966-2-1
-SPACES: dict[str, RgbSpace | LabSpace] = {
-    "prophoto": RgbSpace("ProPhoto RGB", np.array([
-        [0.7976749, 0.1351917, 0.0313534], [0.2880402, 0.7118741, 0.0000857],
-        [0.0000000, 0.0000000, 0.8252100]]) * (PCS_WHITE / [0.96422, 1.0, 0.82521])[:, None],
-        (1.8,)),
-    "p3": RgbSpace("Display P3", np.array([
-        [0.515102, 0.291965, 0.157153], [0.241182, 0.692236, 0.066582],
-        [-0.001050, 0.041882, 0.784378]]) * (
-            PCS_WHITE / [0.964220, 1.0, 0.825210])[:, None],
-        (2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.04045)),
-    "lab": LabSpace()}
-
-# IEC 61966-2-1, adapted likewise: pictures for the screen
-SRGB = RgbSpace("sRGB", appearance.adaptation(
-    np.linalg.solve(appearance.TO_SRGB, np.ones(3)), PCS_WHITE) @ np.linalg.inv(appearance.TO_SRGB),
-    (2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.04045))
+def picture_profile(space: str) -> bytes:
+    """ICC profile to embed in a picture of an RGB space, one of ``CURVES``."""
+    return _profile(b"mntr", _matrix_tags(NAMES[space], TO_XYZ[space], CURVES[space]))
 
 
 def camera_profile_bytes(name: str, matrix: np.ndarray, table: np.ndarray) -> bytes:

@@ -135,7 +135,7 @@ def _expected(scale: calibration.LightScale | None, bands: int) -> tuple[float, 
     if scale is None:
         return 0.0, np.inf, 0.0
     own = error_model.error_of_each_band(scale)
-    common = np.hypot.reduce([0.0, *(error.relative for error in scale.common_errors)])
+    common = np.hypot.reduce([0.0, *scale.common_errors.values()])
     return float(np.log(scale.value)), float(np.hypot(common, own / np.sqrt(bands))), own
 
 

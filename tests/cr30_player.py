@@ -15,7 +15,7 @@ FOLDER = Path(__file__).parents[1] / "fixtures" / "cr30"
 
 def steps_of(recording: Path) -> list[tuple[Event, ...]]:
     """What passed in each step of a recording, as our driver has it."""
-    return [tuple(step.events()) for step in cr30_traffic(read_recording(recording))[0]]
+    return [events for _, events in cr30_traffic(read_recording(recording))[0]]
 
 
 def cr30_player(*recordings: Path, over_socket: bool = False,

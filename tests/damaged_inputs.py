@@ -199,8 +199,8 @@ def _photos(folder: Path) -> Rows:
 
 
 def _read_rows(path: Path) -> None:
-    rows = open_rows(path)
-    rows.read(0, min(rows.height, 64))
+    (height, _, _), read = open_rows(path)
+    read(0, min(height, 64))
 
 
 def _read_channels(path: Path) -> None:

@@ -32,9 +32,10 @@ from spectrabox.measure.profiles.colour_profile import (
     colour_profile,
     response_of_curves,
 )
+from spectrabox.radiometry import profile_files
 from spectrabox.radiometry.appearance import BRADFORD, ciede2000, lab_from_xyz
 from spectrabox.radiometry.grid import visible_grid
-from spectrabox.radiometry.profile_files import SPACES, aces_from_d50, write_profile
+from spectrabox.radiometry.profile_files import aces_from_d50, write_profile
 from spectrabox.radiometry.records.photos import PatchSamples
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
@@ -131,15 +132,14 @@ def test_littlecms_reads_the_table_of_an_icc_profile(written):
 
 @pytest.mark.parametrize("name", ["prophoto", "p3"])
 def test_littlecms_reads_the_spaces_of_pictures(name):
-    space = SPACES[name]
-    profile = ImageCms.ImageCmsProfile(io.BytesIO(space.profile))
+    profile = ImageCms.ImageCmsProfile(io.BytesIO(profile_files.picture_profile(name)))
     code = np.random.default_rng(2).integers(0, 256, (200, 3)).astype(np.uint8)
-    gamma, *rest = space.curve
+    gamma, *rest = profile_files.CURVES[name]
     values = code / 255
     linear = values ** gamma if not rest else np.where(
         values < 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
-    np.testing.assert_allclose(space.encode(linear), values, atol=1e-9)
-    lab = lab_from_xyz(linear @ space.to_xyz.T, D50)
+    np.testing.assert_allclose(profile_files.encode(name, linear), values, atol=1e-9)
+    lab = lab_from_xyz(linear @ profile_files.TO_XYZ[name].T, D50)
     shown = (np.abs(lab[:, 1:]) < 127).all(axis=1)
     # rounding of 8 bits
     np.testing.assert_allclose(through_littlecms(profile, code)[shown], lab[shown], atol=0.8)
@@ -151,14 +151,14 @@ def test_the_spaces_of_pictures_have_their_published_primaries(name, theirs):
     matrix = colour.normalised_primary_matrix(space.primaries, space.whitepoint)
     gains = (BRADFORD @ D50) / (BRADFORD @ matrix.sum(axis=1))
     # both whites are stated to four decimals
-    np.testing.assert_allclose(SPACES[name].to_xyz, np.linalg.solve(
+    np.testing.assert_allclose(profile_files.TO_XYZ[name], np.linalg.solve(
         BRADFORD, gains[:, None] * (BRADFORD @ matrix)), atol=1e-4)
 
 
 def test_display_p3_is_the_srgb_of_wider_primaries():
     srgb = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB"))
     grey = np.repeat(np.arange(0, 256, 5, np.uint8)[:, None], 3, axis=1)
-    ours = ImageCms.ImageCmsProfile(io.BytesIO(SPACES["p3"].profile))
+    ours = ImageCms.ImageCmsProfile(io.BytesIO(profile_files.picture_profile("p3")))
     # one curve: greys are the same, within the steps of 8 bits
     np.testing.assert_allclose(through_littlecms(ours, grey), through_littlecms(srgb, grey),
                                atol=1)
@@ -216,12 +216,12 @@ LAB = np.array([[[50.0, 0, 0], [100, 0, 0], [60, 40.5, -30], [30, -40, 20]]])
 def test_lab_is_encoded_as_tiff_has_it_and_colours_beyond_are_clipped():
     root = np.stack([LAB[..., 0] + 16 + 116 / 500 * LAB[..., 1], LAB[..., 0] + 16,
                      LAB[..., 0] + 16 - 116 / 200 * LAB[..., 2]], axis=-1) / 116
-    code, clipped = SPACES["lab"].code_values(root**3 * D50)       # CIE 15: L* above 8
+    code, clipped = profile_files.code_values("lab", root**3 * D50)       # CIE 15: L* above 8
     decoded = np.concatenate([code[..., :1] / 655.35,
                               code[..., 1:].view(np.int16) / 256], axis=-1)
     np.testing.assert_allclose(decoded, LAB, atol=0.5 / 256 + 1e-9)     # half a step of a*, b*
     assert not clipped.any()
-    brighter, clipped = SPACES["lab"].code_values(1.1 * D50)
+    brighter, clipped = profile_files.code_values("lab", 1.1 * D50)
     assert clipped and brighter.tolist() == [65535, 0, 0]
 
 
@@ -265,7 +265,7 @@ def test_the_photo_shows_the_colours_that_its_surfaces_have(painting):
                                                   role=Quantity.REFLECTANCE), GRID)
         x0, y0, x1, y1 = (round(edge / 2) for edge in region["rect"])       # tiles of 2 x 2
         linear = np.mean(code[y0:y1, x0:x1].astype(float) ** 1.8, axis=(0, 1))
-        shown = lab_from_xyz(SPACES["prophoto"].to_xyz @ linear, D50)
+        shown = lab_from_xyz(profile_files.TO_XYZ["prophoto"] @ linear, D50)
         differences.append(ciede2000(shown, lab_from_xyz(d50_weights(GRID) @ spectrum, D50)))
     assert len(differences) >= 4
     # the table's own error on paint, and that of the light in the samples' plane (3 % of Y)

@@ -81,9 +81,9 @@ def test_its_own_recording_plays_back_to_the_same_reading(tmp_path):
     measure(tmp_path, playing([WHITE, BLACK, GREEN]), "--as", "paint", "--name", "vase",
             typed="\n\n\n")
     recording, = (tmp_path / "spectra" / "readings").glob("*.transcript")
-    played = replay_transcript(read_recording(recording))
-    np.testing.assert_allclose(played.readings[0].lab, (36.61, -20.75, -2.86), atol=0.01)
-    assert played.readings[0].serial_number == "CM443L0787" and not played.problems
+    (reading, *_), problems = replay_transcript(read_recording(recording))
+    np.testing.assert_allclose(reading.lab, (36.61, -20.75, -2.86), atol=0.01)
+    assert reading.serial_number == "CM443L0787" and not problems
 
 
 @pytest.mark.parametrize("typed, options", [("s\ns\n\n", ()), ("", ("--no-calibrate",
@@ -143,7 +143,7 @@ def test_a_chart_is_read_with_a_picture_an_undo_and_an_interruption(tmp_path):
     assert len(names) == 25 and values.shape == (31, 25)
     assert names[1:3] == ["01-dark-skin", "02-light-skin"]
     # the third was read again: it is the fourth of the recording
-    fourth = replay_transcript(Transcript({"instrument": "cr30"}, CHART[3], "")).readings[0]
+    fourth = replay_transcript(Transcript({"instrument": "cr30"}, CHART[3], ""))[0][0]
     np.testing.assert_allclose(values[:, 3], fourth.spectrum.values, rtol=5e-9)
 
 
@@ -162,7 +162,7 @@ def test_another_chart_is_read_patch_by_patch_too(tmp_path, layout, stem, one):
     _, names, values = table(tmp_path / "spectra" / f"{stem}.csv")
     chart = chart_layout(layout)
     assert names[1:] == [f"{number:02d}-{patch}" for number, patch in enumerate(chart.names, 1)]
-    fifth = replay_transcript(Transcript({"instrument": "cr30"}, CHART[5], "")).readings[0]
+    fifth = replay_transcript(Transcript({"instrument": "cr30"}, CHART[5], ""))[0][0]
     np.testing.assert_allclose(values[:, 5], fifth.spectrum.values, rtol=5e-9)
     # a ColorChecker in the same folder has a file of its own
     code, _, err = measure(tmp_path, playing(CHART[:1]), "--as", "chart", "--no-calibrate",

@@ -67,9 +67,8 @@ def test_a_filter_that_nobody_measured_is_known_from_two_charts():
     """Against what its prior leaves open: a factor of 4."""
     known = states([bare(), through(ORANGE, unknown_filter())])[1].filter
     seen = (GRID.nm > 430) & (GRID.nm < 670)        # beyond, the camera sees next to nothing
-    off = np.log(shape(known.filter.transmittance) / shape(ORANGE))[seen]
-    spread = np.sqrt(np.einsum("pe,ef,pf->p", known.filter.modes, known.covariance,
-                               known.filter.modes))[seen]
+    off = np.log(shape(known.transmittance) / shape(ORANGE))[seen]
+    spread = np.sqrt(np.einsum("pe,ef,pf->p", known.modes, known.covariance, known.modes))[seen]
     assert np.sqrt(np.mean(off**2)) < 0.5
     # 2.5 standard errors of rms, wavelengths being correlated
     assert np.sqrt(np.mean((off / spread) ** 2)) < 2.5
@@ -80,7 +79,7 @@ def test_a_stated_transmittance_that_errs_is_corrected_within_its_error():
     known = states([bare(0.002), through(ORANGE, stated_filter("f", wrong), 0.002)])[1]
     lit = ORANGE > 0.2
     before, after = (np.std(np.log(each / ORANGE)[lit])
-                     for each in (wrong, known.filter.filter.transmittance))
+                     for each in (wrong, known.filter.transmittance))
     assert after < before
 
 
@@ -110,7 +109,7 @@ def test_errors_of_curves_and_filter_are_those_of_draws_of_both():
     photos = [bare(), through(ORANGE, stated_filter("f", ORANGE))]
     fit = fit_with_prior(photos, simulated_prior(), GRID)
     fitted, sensitivity = fit.photos[1].filter, fit.sensitivity
-    light = Spectrum(GRID, LAMP * fitted.filter.transmittance, Quantity.RELATIVE, "light")
+    light = Spectrum(GRID, LAMP * fitted.transmittance, Quantity.RELATIVE, "light")
     calibration = Calibration(sensitivity, light, None, np.zeros((3, 3)), (), filter=fitted)
     spectrum = reflectances()[2]
     rows = sensitivity.curves * light.values * GRID.weights_nm
@@ -125,7 +124,7 @@ def test_errors_of_curves_and_filter_are_those_of_draws_of_both():
     size = len(sensitivity.covariance)
     curves = (sensitivity.coefficients + drawn[:, :size].reshape(-1, 3, size // 3)
               ) @ sensitivity.basis.T
-    weight = light.values * (1 + drawn[:, size:] @ fitted.filter.modes.T) * GRID.weights_nm
+    weight = light.values * (1 + drawn[:, size:] @ fitted.modes.T) * GRID.weights_nm
     seen = np.einsum("tkp,tp,p->tk", curves, weight, spectrum, optimize=True)
     seen = seen / np.einsum("tkp,tp->tk", curves, weight, optimize=True)
     np.testing.assert_allclose(100 * seen.var(axis=0), np.diag(stated), rtol=0.05)

@@ -60,8 +60,7 @@ def test_a_guess_of_the_level_is_no_fault_of_the_photo(folder):
     assert not free.misfits and held.misfits
     # light between the surfaces tells the level, with 256 paths a pixel
     assert free.light_scale.value == pytest.approx(1.0, rel=0.03)
-    (level,) = free.light_scale.common_errors
-    assert (level.cause, level.relative) == (LEVEL_BY_PRIOR, LEVEL_ERROR)
+    assert free.light_scale.common_errors == {LEVEL_BY_PRIOR: LEVEL_ERROR}
 
 
 def test_one_level_is_common_to_photos_under_unlike_lamps(folder):

@@ -66,9 +66,8 @@ def test_the_stored_recordings_are_those_the_script_makes(meter):
                          ids=lambda value: getattr(value, "name", "socket" if value
                                                    else "terminal"))
 def test_a_recording_is_read_as_its_true_spectrum(meter, over_socket):
-    played = replay_transcript(recording(meter.name), over_socket=over_socket)
-    assert not played.problems and played.synthetic
-    reading = played.readings[0]
+    (reading, *_), problems = replay_transcript(recording(meter.name), over_socket=over_socket)
+    assert not problems
     assert reading.outcome is ReadingOutcome.MEASURED and reading.quantity is Quantity.RADIANCE
     np.testing.assert_array_equal(reading.spectrum.values, meter.values)
     np.testing.assert_array_equal(reading.spectrum.grid.nm, meter.nm)
@@ -79,7 +78,7 @@ def test_a_recording_is_read_as_its_true_spectrum(meter, over_socket):
 @pytest.mark.parametrize("meter", [meter for meter in all_meters() if meter.values is None],
                          ids=lambda meter: meter.name)
 def test_too_dark_and_too_bright_are_results_with_a_reason_and_no_spectrum(meter):
-    reading = replay_transcript(recording(meter.name)).readings[0]
+    reading = replay_transcript(recording(meter.name))[0][0]
     assert reading.spectrum is None and reading.quantity is None
     assert reading.outcome.name.lower().replace("_", "-") in meter.name
     assert not reading.outcome.has_spectrum
@@ -96,7 +95,7 @@ SILENT = {"cs2000": r"no complete reply within 10 s \(nothing came\); check",
 
 @pytest.mark.parametrize("name, other", list(zip(CLEAN, [*CLEAN[1:], CLEAN[0]], strict=True)))
 def test_a_wrong_instrument_on_the_port_is_an_error(name, other):
-    baud = driver_named(other).line_settings.baud
+    baud = driver_named(other).baud
     transcript = recording(name)
     transcript = dataclasses.replace(transcript, facts={**transcript.facts, "line": str(baud)})
     # the two of JETI speak one language; the others do not understand each other
@@ -210,8 +209,8 @@ def test_a_pr655_is_typed_to_one_character_at_a_time():
 
         def write(self, data):
             self.sent.append((time.monotonic(), data))
-    line = SerialLine(Port(), "port", driver_named("pr655").line_settings, lambda direction,
-                      data: None, Pace(0.1))
+    line = SerialLine(Port(), "port", lambda direction, data: None, Pace(0.1),
+                      character_pause_s=driver_named("pr655").character_pause_s)
     line.write(b"PHOTO")
     assert [data for _, data in Port.sent] == [b"P", b"H", b"O", b"T", b"O"]
     # sleep() never returns early, so 50 ms at scale 0.1 is a lower bound.

@@ -16,7 +16,6 @@ from spectrabox.capture.meter.measurement_files import (
     stored_readings,
 )
 from spectrabox.capture.meter.measurement_series import (
-    MeterCalibration,
     read_calibration,
     reflectance_from,
     require_comparable,
@@ -247,9 +246,8 @@ def by(serial_number, values, model="PR-655"):
 
 
 def calibration(serial_number, factor, error=None, nm=NM):
-    return MeterCalibration(serial_number, Spectrum(grid_from_nm(nm), np.full(nm.size, factor),
-                                               Quantity.RELATIVE, "test",
-                                               None if error is None else np.full(nm.size, error)))
+    return serial_number, Spectrum(grid_from_nm(nm), np.full(nm.size, factor), Quantity.RELATIVE,
+                                   "test", None if error is None else np.full(nm.size, error))
 
 
 @pytest.mark.parametrize("other", [("2", "PR-655"), ("1", "PR-670")])
@@ -314,8 +312,8 @@ def test_what_is_no_calibration_is_refused(tmp_path, text, body, message):
 def test_a_calibration_is_read_with_its_error(tmp_path):
     file = tmp_path / "c.csv"
     file.write_text("# quantity: relative\nnm,value,standard_error\n380,1.02,0.01\n780,0.98,0.01\n")
-    factors = read_calibration(f"65123456={file}")
-    assert factors.serial_number == "65123456" and factors.factor.standard_error[0] == 0.01
+    serial_number, factor = read_calibration(f"65123456={file}")
+    assert serial_number == "65123456" and factor.standard_error[0] == 0.01
 
 
 CSV = "# quantity: {}\nwavelength_nm,value\n380,0.5\n780,0.5\n"

@@ -81,7 +81,7 @@ def test_a_dimmer_and_redder_lamp_is_corrected_by_a_known_surface(sound):
 
 def test_what_known_surfaces_tell_takes_the_place_of_what_was_assumed(sound):
     _, made = signals_of(in_light(sound, DIMMED))
-    errors = {error.cause: error.relative for error in made.light_scale.common_errors}
+    errors = made.light_scale.common_errors
     assert errors == {KNOWN_SURFACES: made.known_light.level_error}
     covariance = sum(scale_covariances(sound.calibration, made.light_scale).values())
     assert np.sqrt(covariance[0, 0]) < 0.02

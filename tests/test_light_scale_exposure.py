@@ -77,5 +77,5 @@ def test_a_common_error_adds_to_the_whole_and_not_to_that_of_each_band():
     assert error_of_each_band(scale) == pytest.approx(0.005, rel=1e-12)
     carried = scale_for_photo(scale, photo(1 / 60), photo(1 / 250))
     assert error_of_each_band(carried) == pytest.approx(0.005, rel=1e-9)
-    assert [error.cause for error in carried.common_errors] == ["lamp", "shutter",
+    assert list(carried.common_errors) == ["lamp", "shutter",
                                                                 ROUNDED_EXPOSURES]

@@ -10,7 +10,7 @@ from test_colmap import with_model
 from typer.testing import CliRunner
 
 from spectrabox.measure.scene.geometry import scene_geometry
-from spectrabox.radiometry.records.scenes import MarkedView, Placement, SceneGeometry
+from spectrabox.radiometry.records.scenes import MarkedView, Placement
 from spectrabox.reconstruct.scene.box_scene import box_xml, chart_xml
 from spectrabox.reconstruct.scene.edit_scene import (
     Refinement,
@@ -99,8 +99,7 @@ def session_with_corners(captured):
 
 
 def test_a_box_says_where_camera_and_lamp_were_stated_and_found(captured):
-    geometry = scene_geometry(session_with_corners(captured).capture())
-    lamp, camera = geometry.placements
+    (lamp, camera), views = scene_geometry(session_with_corners(captured).capture())
     assert lamp.what == "lamp" and camera.what == "camera" and camera.stated is None
     np.testing.assert_array_equal(lamp.stated, [50, 270, 380])
     np.testing.assert_array_equal(lamp.place, [52, 269, 385])
@@ -108,7 +107,7 @@ def test_a_box_says_where_camera_and_lamp_were_stated_and_found(captured):
     np.testing.assert_allclose(camera.place, FAR["at_mm"], rtol=0.05)
     assert np.all(camera.standard_error > 0)
     assert "8 marked corners" in camera.how and "degrees" in camera.how
-    view, = geometry.views
+    view, = views
     # twelve each of the box, the block in it and the grey card
     assert view.edges.shape == (36, 2, 2) and len(view.corners) == 8
     # half a pixel of 312 was added to one mark; the camera follows it in part
@@ -119,16 +118,16 @@ def test_a_box_says_where_camera_and_lamp_were_stated_and_found(captured):
 
 
 def test_a_measured_box_has_nothing_that_moved(captured):
-    assert scene_geometry(rewritten(captured, **FAR).capture()).placements == ()
+    assert scene_geometry(rewritten(captured, **FAR).capture()) == ((), ())
 
 
 def test_cameras_of_a_model_are_said_for_every_view(captured):
     view = ('[views.left]\nphoto = "photos/box.dng"\n[views.left.camera]\nimage = "left.jpg"\n')
-    geometry = scene_geometry(read_session(with_model(captured, view)).capture())
-    assert [one.what for one in geometry.placements] == ["camera", "camera of “left”"]
-    assert all("from COLMAP, tied to the box by 21 marks" in one.how for one in geometry.placements)
-    assert [one.name for one in geometry.views] == ["", "left"]
-    for marked in geometry.views:
+    placements, views = scene_geometry(read_session(with_model(captured, view)).capture())
+    assert [one.what for one in placements] == ["camera", "camera of “left”"]
+    assert all("from COLMAP, tied to the box by 21 marks" in one.how for one in placements)
+    assert [one.name for one in views] == ["", "left"]
+    for marked in views:
         # bent by the lens in the photo, straight in what is shown
         np.testing.assert_allclose(marked.marked, marked.seen, atol=1e-5)
 
@@ -138,37 +137,39 @@ def test_a_scene_in_a_file_says_what_its_comments_say(captured):
     path = captured / config.scene.file
     path.write_text(scene_with_light_moved(path, 0, np.array([1.0, -2.0, 0.5]), path.parent,
                                            moved("light")), encoding="utf-8")
-    light, = scene_geometry(config.capture()).placements
+    (light,), _ = scene_geometry(config.capture())
     assert light.what == f"light 'light' of {config.scene.file}" and light.stated is None
     np.testing.assert_array_equal(light.moved, [1, -2, 0.5])
 
 
 def geometry():
     rng = np.random.default_rng(2)
-    return SceneGeometry(
-        (Placement("lamp", "measured with a tape, then moved", "mm", np.array([50.0, 270, 380]),
-                   np.array([52.0, 269, 385]), np.array([2.0, -1, 5]), np.array([1.0, 1, 2])),
-         Placement("camera", "found from 8 marked corners", "mm", None,
-                   np.array([30.12345, 180.5, 1099.9]), None, np.array([0.4, 0.5, 1.9]))),
-        (MarkedView("", rng.uniform(size=(24, 2, 2)), ("back top left", "front top <left>"),
-                    np.array([[0.2, 0.3], [0.6, 0.7]]), np.array([[0.21, 0.3], [0.6, 0.71]]),
-                    np.array([0.7, 1.25])),))
+    lamp = Placement("lamp", "measured with a tape, then moved", "mm", np.array([50.0, 270, 380]),
+                     np.array([52.0, 269, 385]), np.array([2.0, -1, 5]), np.array([1.0, 1, 2]))
+    camera = Placement("camera", "found from 8 marked corners", "mm", None,
+                       np.array([30.12345, 180.5, 1099.9]), None, np.array([0.4, 0.5, 1.9]))
+    view = MarkedView("", rng.uniform(size=(24, 2, 2)), ("back top left", "front top <left>"),
+                      np.array([[0.2, 0.3], [0.6, 0.7]]), np.array([[0.21, 0.3], [0.6, 0.71]]),
+                      np.array([0.7, 1.25]))
+    return {"placements": (lamp, camera), "marked_views": (view,)}
 
 
 def test_what_is_stored_comes_back():
     arrays: dict[str, np.ndarray] = {}
-    before = geometry()
-    node = json.loads(json.dumps(pack(before, "geometry", arrays)))
-    after = unpack(SceneGeometry, node, arrays)
-    assert [one.what for one in after.placements] == ["lamp", "camera"]
-    assert after.placements[1].stated is None and after.views[0].corners == before.views[0].corners
-    np.testing.assert_array_equal(after.views[0].edges, before.views[0].edges)
+    before, = geometry()["marked_views"]
+    node = json.loads(json.dumps(pack(geometry()["placements"], "placements", arrays)))
+    lamp, camera = unpack(tuple[Placement, ...], node, arrays)
+    assert (lamp.what, camera.what) == ("lamp", "camera") and camera.stated is None
+    node = json.loads(json.dumps(pack(before, "view", arrays)))
+    after = unpack(MarkedView, node, arrays)
+    assert after.corners == before.corners
+    np.testing.assert_array_equal(after.edges, before.edges)
 
 
 def test_the_report_shows_what_moved(tmp_path):
     plain = example_session(tmp_path)
     assert "What moved" not in render_report(plain)[0]
-    results = with_found(plain, geometry=geometry())
+    results = with_found(plain, **geometry())
     page = write_report(results)
     text = page.read_text(encoding="utf-8")
     assert "What moved" in text and "front top &lt;left&gt;" in text

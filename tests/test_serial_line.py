@@ -13,9 +13,9 @@ from spectrabox.capture.meter.instruments.instrument_errors import (
     NoReplyError,
     PortError,
 )
-from spectrabox.capture.meter.serial_line import LineSettings, Pace, list_ports, open_line
+from spectrabox.capture.meter.serial_line import Pace, list_ports, open_line
 
-SETTINGS = LineSettings(9600)
+BAUD = 9600
 
 
 def silent(direction, data):
@@ -27,7 +27,7 @@ def line():
     master, slave = os.openpty()
     import tty
     tty.setraw(slave)
-    opened = open_line(os.ttyname(slave), SETTINGS, silent)
+    opened = open_line(os.ttyname(slave), BAUD, silent)
     yield opened, master
     opened.close()
     for end in (master, slave):
@@ -89,14 +89,14 @@ def test_a_pulled_cable_is_one_sentence(line):
 def test_two_programs_cannot_use_one_port(line):
     opened, _ = line
     with pytest.raises(PortError, match="is in use by another program"):
-        open_line(opened.name, SETTINGS, silent)
+        open_line(opened.name, BAUD, silent)
 
 
 def test_a_missing_port_is_named_with_those_that_exist():
     with pytest.raises(
             PortError,
             match=r"there is no port /dev/ttyNONE; ports of this computer: .*meter list"):
-        open_line("/dev/ttyNONE", SETTINGS, silent)
+        open_line("/dev/ttyNONE", BAUD, silent)
 
 
 def test_a_refused_port_names_the_group(monkeypatch, tmp_path):
@@ -110,19 +110,19 @@ def test_a_refused_port_names_the_group(monkeypatch, tmp_path):
     group = grp.getgrgid(port.stat().st_gid).gr_name
     with pytest.raises(PortError, match=f"belongs to the group {group}; run 'sudo usermod -aG "
                        f"{group} "):
-        open_line(str(port), SETTINGS, silent)
+        open_line(str(port), BAUD, silent)
 
 
 def test_a_port_address_that_cannot_be_is_refused():
     with pytest.raises(PortError, match="cannot be opened"):
-        open_line("nonsense://x", SETTINGS, silent)
+        open_line("nonsense://x", BAUD, silent)
 
 
 def test_listing_the_ports_opens_none(monkeypatch):
     monkeypatch.setattr(serial, "serial_for_url", lambda *args,
                         **kwargs: pytest.fail("a port was opened"))
     monkeypatch.setattr(serial.Serial, "open", lambda self: pytest.fail("a port was opened"))
-    assert all(each.port for each in list_ports())
+    assert all(each.device for each in list_ports())
 
 
 def test_a_pace_never_shortens_a_limit_below_what_the_computer_needs():

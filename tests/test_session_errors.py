@@ -70,7 +70,7 @@ def test_light_and_shutter_repeat_from_photo_to_photo_alone(photo, causes):
     stated = Repeatability(light=0.012, shutter=0.016, scene_level=0.03)    # 0.02 together
     capture = scene_capture(view, repeatability=stated)
     found = inversion.scale_of_view(capture, view, shown, calibrated, records)
-    errors = {error.cause: error.relative for error in found.common_errors}
+    errors = found.common_errors
     # where lamp and chart stood is as uncertain in one photo, and nothing measured it
     assert errors[SCENE_LEVEL] == 0.03
     assert [cause for cause in errors if cause == REPEATABILITY] == list(causes)

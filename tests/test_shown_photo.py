@@ -9,10 +9,9 @@ from served_page import asked, opened_in, served, wait_for, wait_ready
 
 from spectrabox.fixtures import paints
 from spectrabox.measure.pictures.shown_photo import camera_look, scene_look
-from spectrabox.radiometry import appearance
+from spectrabox.radiometry import appearance, profile_files
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.interreflection import response_matrix
-from spectrabox.radiometry.profile_files import SRGB
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.kept_stages import load_finished
@@ -207,5 +206,7 @@ def test_a_list_of_sessions_shows_the_calibrated_picture(painting, tmp_path):
 def test_code_values_of_srgb_are_those_of_its_profile():
     linear = np.linspace(0, 1, 100)
     # the profile's curve has the knee of IEC 61966-2-1 at .04045 in place of 12.92 x .0031308
-    np.testing.assert_allclose(SRGB.encode(linear), appearance.encode_srgb(linear), atol=1e-4)
-    np.testing.assert_allclose(SRGB.to_xyz.sum(axis=1), [0.9642, 1.0, 0.8249], atol=1e-9)
+    np.testing.assert_allclose(profile_files.encode("srgb", linear),
+                               appearance.encode_srgb(linear), atol=1e-4)
+    np.testing.assert_allclose(profile_files.TO_XYZ["srgb"].sum(axis=1), [0.9642, 1.0, 0.8249],
+                               atol=1e-9)

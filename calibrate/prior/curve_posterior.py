@@ -39,7 +39,7 @@ class PhotoState(Record):
     glare_error: Annotated[np.ndarray, "K"]
     predicted: Annotated[np.ndarray, "I K"]
     white: calibration_records.ChartWhite
-    filter: calibration_records.FittedFilter | None = None  # that the photo was taken through
+    filter: calibration_records.Filter | None = None    # that the photo was taken through
 
     @property
     def light_scale(self) -> calibration_records.LightScale:
@@ -290,21 +290,22 @@ def photo_states(posterior: prior_fit.CurvePosterior, photos: list[chart_equatio
             glare_error, predicted.reshape(-1, bands),
             calibration_records.ChartWhite(np.exp(mean[index]) * white, own[:terms], glare,
                                            jacobian @ covariance @ jacobian.T),
-            None if photo.filter is None else calibration_records.FittedFilter(
-                _with_errors(photo.filter, mean[of_filter]), covariance[of_filter, of_filter],
+            None if photo.filter is None else _fitted_filter(
+                photo.filter, mean[of_filter], covariance[of_filter, of_filter],
                 _scaled_rows(moments.coefficients, posterior.basis,
                              covariance[of_filter, :size] / moments.peak))))
     return states
 
 
-def _with_errors(filter: calibration_records.Filter,
-                 errors: np.ndarray) -> calibration_records.Filter:
+def _fitted_filter(filter: calibration_records.Filter, errors: np.ndarray, covariance: np.ndarray,
+                   with_curves: np.ndarray) -> calibration_records.Filter:
     """The filter whose errors (E,) are known, and what further errors of the same kind do to it."""
     error = filter.modes @ errors
-    return replace(
-        filter, transmittance=filter.transmittance * chart_equations.passed(error),
-        modes=filter.modes *
-        (chart_equations.passed_slope(error) / chart_equations.passed(error))[:, None])
+    passed = chart_equations.passed(error)
+    return calibration_records.Filter(
+        filter.name, filter.transmittance * passed,
+        filter.modes * (chart_equations.passed_slope(error) / passed)[:, None], covariance,
+        with_curves)
 
 
 def nonnegative(mean: np.ndarray, covariance: np.ndarray, count: int | None = None) -> np.ndarray:

@@ -53,7 +53,9 @@ def open_instrument(
     InputError, InstrumentError
     """
     driver = drivers.driver_named(name)
-    instrument = driver(serial_line.open_line(port, driver.line_settings, log, pace, held))
+    instrument = driver(serial_line.open_line(
+        port, driver.baud, log, pace, held, rtscts=driver.rtscts,
+        character_pause_s=driver.character_pause_s))
     with contextlib.ExitStack() as closing:
         try:
             try:
@@ -104,28 +106,27 @@ def take_reading(instrument: interface.Instrument, identity: interface.Identity,
         If the instrument fails, or its replies do not agree with each other.
     """
     taken_at = datetime.now(UTC).astimezone().isoformat(timespec="seconds")
-    measured = instrument.measure()
+    outcome, warnings = instrument.measure()
     facts: dict[str, Any] = {
-        "outcome": measured.outcome, "instrument": identity.model,
+        "outcome": outcome, "instrument": identity.model,
         "serial_number": identity.serial_number,
         "firmware": identity.firmware, "taken_at": taken_at, "transcript": transcript}
-    if not measured.outcome.has_spectrum:
+    if not outcome.has_spectrum:
         return SpectralReading(spectrum=None, quantity=None, integration_ms=None, luminance=None,
-                               findings=measured.findings, **facts)
+                               findings=warnings, **facts)
     held = _trusted_result(instrument)
-    luminance = None if held.stated.luminance is None else held.stated.luminance.value
+    luminance = None if held.stated.luminance is None else held.stated.luminance[0]
     if _is_dark(held):
         facts["outcome"] = ReadingOutcome.TOO_DARK
         return SpectralReading(spectrum=None, quantity=None, integration_ms=held.integration_ms,
-                               luminance=luminance,
-                               findings=measured.findings, **facts)
+                               luminance=luminance, findings=warnings, **facts)
     if held.quantity in (Quantity.RADIANCE, Quantity.IRRADIANCE):
         stated.check_stated(held.nm, held.values, held.stated, instrument.line.name)
     source = f"{identity.model} {identity.serial_number}, {taken_at}"
     spectrum = Spectrum(grid.grid_from_nm(held.nm), held.values, held.quantity, source)
     return SpectralReading(spectrum=spectrum, quantity=held.quantity,
                            integration_ms=held.integration_ms, luminance=luminance,
-                           findings=(*measured.findings, *negative_values(held),
+                           findings=(*warnings, *negative_values(held),
                                      *not_checked(held), *not_calibrated(instrument)),
                            lab=held.lab, calibration=_calibration(instrument), **facts)
 
@@ -159,7 +160,7 @@ def _trusted_result(instrument: interface.Instrument) -> interface.HeldResult:
 
 def _is_dark(held: interface.HeldResult) -> bool:
     stated = held.stated.luminance
-    return not np.any(held.values > 0) or (stated is not None and stated.value <= 0
+    return not np.any(held.values > 0) or (stated is not None and stated[0] <= 0
                                            and appearance.luminance_of(held.nm, held.values) <= 0)
 
 

@@ -11,7 +11,6 @@ or a ratio over both is a measurement by neither.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -29,12 +28,9 @@ POSSIBLE = (0.2, 5.0)       # a factor beyond is a spectrum of something else
 Maker = tuple[str, str]     # model and serial number
 
 
-@dataclass(frozen=True)
-class MeterCalibration:
-    """Factors by which an instrument's readings become those of the common standard."""
-
-    serial_number: str
-    factor: Spectrum        # 1, with its standard error where that is known
+# serial number of an instrument, and factors by which its readings become those of the common
+# standard: unit 1, with their standard error where that is known
+MeterCalibration = tuple[str, Spectrum]
 
 
 def read_calibration(text: str) -> MeterCalibration:
@@ -60,7 +56,7 @@ def read_calibration(text: str) -> MeterCalibration:
     if not POSSIBLE[0] <= low <= high <= POSSIBLE[1]:
         raise InputError(f"{file} holds factors from {low:.3g} to {high:.3g}; a calibration has "
                          f"factors near 1, {POSSIBLE[0]} to {POSSIBLE[1]}")
-    return MeterCalibration(serial_number.strip(), factor)
+    return serial_number.strip(), factor
 
 
 def makers_of(readings: Iterable[SpectralReading]) -> list[Maker]:
@@ -91,7 +87,7 @@ def require_comparable(makers: Sequence[Maker], calibrations: Sequence[MeterCali
         Also at a calibration for none of the instruments.
     """
     used = list(dict.fromkeys(makers))
-    calibrated = [calibration.serial_number for calibration in calibrations]
+    calibrated = [serial_number for serial_number, _ in calibrations]
     serials = [serial_number for _, serial_number in used]
     if foreign := [number for number in calibrated if number not in serials]:
         raise InputError(f"{what}: there is a calibration for {', '.join(foreign)}, but readings "
@@ -124,15 +120,14 @@ def factors_at(nm: np.ndarray, calibrations: Sequence[MeterCalibration]) -> Mapp
         If a calibration does not reach from the first to the last wavelength.
     """
     factors = {}
-    for calibration in calibrations:
-        factor = calibration.factor
+    for serial_number, factor in calibrations:
         if factor.grid.nm[0] > nm[0] or factor.grid.nm[-1] < nm[-1]:
-            raise InputError(f"the calibration of {calibration.serial_number} covers "
+            raise InputError(f"the calibration of {serial_number} covers "
                              f"{factor.grid.nm[0]:g}-{factor.grid.nm[-1]:g} nm; its readings cover "
                              f"{nm[0]:g}-{nm[-1]:g} nm")
         error = (np.zeros(nm.size) if factor.standard_error is None
                  else np.interp(nm, factor.grid.nm, factor.standard_error))
-        factors[calibration.serial_number] = (np.interp(nm, factor.grid.nm, factor.values), error)
+        factors[serial_number] = (np.interp(nm, factor.grid.nm, factor.values), error)
     return factors
 
 
@@ -151,21 +146,6 @@ NO_SPECTRUM = {
                             "state its frequency, or switch sync off",
     ReadingOutcome.UNSTEADY: "no reading, the light changed during the measurement; let it warm "
                              "up, then repeat"}
-
-
-@dataclass(frozen=True)
-class SeriesSummary:
-    """A series of readings of one thing, over all wavelengths; None of what a few readings do not
-    tell.
-    """
-
-    name: str
-    readings: int
-    quantity: str
-    relative_spread: float | None       # standard deviation of the readings over their mean
-    relative_drift: float | None        # from the first to the last
-    relative_drift_error: float | None
-    findings: tuple[Finding, ...]
 
 
 def series_of(readings: Sequence[SpectralReading], name: str,
@@ -200,7 +180,7 @@ def series_of(readings: Sequence[SpectralReading], name: str,
     makers = [(reading.instrument, reading.serial_number) for reading in readings
               if reading.spectrum is not None]
     require_comparable(makers, [each for each in calibrations
-                                if each.serial_number in {number for _, number in makers}], name)
+                                if each[0] in {number for _, number in makers}], name)
     factors = factors_at(first.grid.nm, calibrations)
     unity = (np.ones(first.grid.nm.size), np.zeros(first.grid.nm.size))
     factor, factor_error = np.array([factors.get(serial_number, unity)
@@ -231,23 +211,6 @@ def series_spectrum(series: ReadingSeries, source: str) -> Spectrum:
     if series.readings > 1:
         error = np.hypot(series.spread / np.sqrt(series.readings), series.calibration_error)
     return Spectrum(series.grid, series.mean, series.quantity, source, error)
-
-
-def series_summary(series: ReadingSeries, name: str) -> SeriesSummary:
-    """A series in a few numbers.
-
-    Parameters
-    ----------
-    series : ReadingSeries
-    name : str
-        Of what was measured.
-    """
-    weights, several = series.grid.weights_nm, series.readings > 1
-    return SeriesSummary(
-        name, series.readings, series.quantity.name.lower(),
-        float((series.spread @ weights) / (series.mean @ weights)) if several else None,
-        series.relative_drift if several else None,
-        series.relative_drift_error if series.readings > 2 else None, series.findings)
 
 
 # Reflectance over 400-700 nm of clean standards without a certificate, and its standard error, by

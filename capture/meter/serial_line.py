@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import serial
+from serial.tools.list_ports_common import ListPortInfo
 
 from spectrabox.capture.meter.instruments import instrument_errors
 from spectrabox.radiometry.errors import SpectraboxError
@@ -26,15 +27,6 @@ WRITE_TIMEOUT_S = 5.0       # a port whose driver hangs on the first write must 
 SHOWN_BYTES = 60            # of a bad reply in an error sentence
 Log = Callable[[str, bytes], None]
 Hold = Callable[[], AbstractContextManager[None]]
-
-
-@dataclass(frozen=True)
-class LineSettings:
-    """How an instrument wants its line; ``pace_s`` is the pause after each character sent."""
-
-    baud: int
-    rtscts: bool = False
-    pace_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -63,12 +55,13 @@ class SerialLine:
     """Bytes to and from an instrument; all that pass go to ``log`` as (">" or "<", bytes).
 
     ``held`` opens a block that no signal interrupts: a command is sent whole or not at all.
+    ``character_pause_s`` is the pause after each character sent.
     """
 
-    def __init__(self, port: Any, name: str, settings: LineSettings, log: Log, pace: Pace,
-                 held: Hold = nullcontext) -> None:
+    def __init__(self, port: Any, name: str, log: Log, pace: Pace, held: Hold = nullcontext,
+                 character_pause_s: float = 0.0) -> None:
         self.name = name
-        self.settings = settings
+        self.character_pause_s = character_pause_s
         self.pace = pace
         self.held = held
         self.unanswered = False         # a command was written whose reply was not waited for yet
@@ -110,12 +103,12 @@ class SerialLine:
         """
         self._log(">", command)
         with self.held(), self._lost():
-            if not self.settings.pace_s:
+            if not self.character_pause_s:
                 self._port.write(command)
                 return
             for byte in command:
                 self._port.write(bytes([byte]))
-                self.pace.sleep(self.settings.pace_s)
+                self.pace.sleep(self.character_pause_s)
 
     def read_until(self, ends: tuple[bytes, ...], limit_s: float) -> bytes:
         """Bytes up to and including the first of ``ends``.
@@ -324,8 +317,8 @@ class SerialLine:
                 "already taken are kept") from None
 
 
-def open_line(port: str, settings: LineSettings, log: Log, pace: Pace | None = None,
-              held: Hold = nullcontext) -> SerialLine:
+def open_line(port: str, baud: int, log: Log, pace: Pace | None = None, held: Hold = nullcontext, *,
+              rtscts: bool = False, character_pause_s: float = 0.0) -> SerialLine:
     """Open a port for one program alone.
 
     Parameters
@@ -333,12 +326,15 @@ def open_line(port: str, settings: LineSettings, log: Log, pace: Pace | None = N
     port : str
         A device such as ``/dev/ttyACM0`` or ``COM3``, or a pyserial address such as
         ``socket://127.0.0.1:2101``.
-    settings : LineSettings
+    baud : int
     log : function of (direction, bytes)
         Called with everything that passes.
     pace : Pace, optional
     held : function that gives a context, optional
-        As ``SerialLine`` takes it.
+    character_pause_s : float
+        As ``SerialLine`` takes them.
+    rtscts : bool
+        Hardware flow control.
 
     Raises
     ------
@@ -347,33 +343,20 @@ def open_line(port: str, settings: LineSettings, log: Log, pace: Pace | None = N
     """
     options: dict[str, Any] = {"timeout": INNER_TIMEOUT_S, "write_timeout": WRITE_TIMEOUT_S}
     if "://" not in port:
-        options.update(baudrate=settings.baud, rtscts=settings.rtscts, exclusive=True)
+        options.update(baudrate=baud, rtscts=rtscts, exclusive=True)
     try:
         opened = serial.serial_for_url(port, **options)
     except (OSError, ValueError) as error:
         raise _port_error(port, error) from None
-    return SerialLine(opened, port, settings, log, pace or Pace(), held)
+    return SerialLine(opened, port, log, pace or Pace(), held, character_pause_s)
 
 
-@dataclass(frozen=True)
-class SerialPort:
-    """A port of this computer, with what USB says of it."""
-
-    port: str
-    description: str | None
-    manufacturer: str | None
-    usb: str | None             # vendor and product, in hexadecimal
-    serial_number: str | None
-
-
-def list_ports() -> list[SerialPort]:
+def list_ports() -> list[ListPortInfo]:
     """The ports of this computer with what USB says of them; opens none, so that no instrument
     notices.
     """
     from serial.tools import list_ports as ports
-    return [SerialPort(port.device, port.description, port.manufacturer,
-                       f"{port.vid:04x}:{port.pid:04x}" if port.vid is not None else None,
-                       port.serial_number) for port in sorted(ports.comports())]
+    return sorted(ports.comports())
 
 
 def shown(data: bytes) -> str:
@@ -410,7 +393,7 @@ def _port_error(port: str, error: Exception) -> instrument_errors.PortError:
     if number in (errno.EBUSY, errno.EAGAIN):
         return instrument_errors.PortError(
             f"{port} is in use by another program; close that program, then try again")
-    present = [each.port for each in list_ports()]
+    present = [each.device for each in list_ports()]
     # pyserial gives no number on Windows
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO) or (
             number is None and os.name == "nt" and port not in present):

@@ -28,26 +28,22 @@ STUCK_LEVEL = 0.01              # of the largest value; below, digits may run ou
 ADVICE = "measure again, and check the instrument's observer (2 degrees) and units (SI)"
 
 
-@dataclass(frozen=True)
-class Number:
-    """A number as an instrument prints it, with half a unit of its last digit."""
-
-    value: float
-    rounding: float
+# a number as an instrument prints it, and its rounding: half a unit of its last digit
+Printed = tuple[float, float]
 
 
 @dataclass(frozen=True)
 class Stated:
     """Figures of a spectrum as the instrument states them; None where it states none."""
 
-    luminance: Number | None = None         # cd m-2, or lx
-    x: Number | None = None                 # chromaticity, CIE 1931 2 degrees
-    y: Number | None = None
-    power: Number | None = None             # W m-2 sr-1, or W m-2
-    mean_nm: Number | None = None           # of the wavelength, each weighted by its power
+    luminance: Printed | None = None        # cd m-2, or lx
+    x: Printed | None = None                # chromaticity, CIE 1931 2 degrees
+    y: Printed | None = None
+    power: Printed | None = None            # W m-2 sr-1, or W m-2
+    mean_nm: Printed | None = None          # of the wavelength, each weighted by its power
 
 
-def printed(text: str) -> Number:
+def printed(text: str) -> Printed:
     """A number with the rounding of its digits: "1.83e+00" is 1.83 within 0.005.
 
     Parameters
@@ -57,44 +53,45 @@ def printed(text: str) -> Number:
     """
     mantissa, _, exponent = text.strip().lower().partition("e")
     decimals = len(mantissa.partition(".")[2])
-    return Number(float(text), 0.5 * 10.0 ** (int(exponent or 0) - decimals))
+    return float(text), 0.5 * 10.0 ** (int(exponent or 0) - decimals)
 
 
-def stated_by_xyz(cells: Sequence[str], power: Number | None = None,
-                  mean_nm: Number | None = None) -> Stated:
+def stated_by_xyz(cells: Sequence[str], power: Printed | None = None,
+                  mean_nm: Printed | None = None) -> Stated:
     """Figures of a spectrum from X, Y and Z as an instrument prints them.
 
     Parameters
     ----------
     cells : sequence of three str
         Y in cd m-2 or lx.
-    power, mean_nm : Number, optional
+    power, mean_nm : Printed, optional
     """
-    values = [printed(cell) for cell in cells]
-    total = sum(number.value for number in values)
+    values, roundings = zip(*(printed(cell) for cell in cells), strict=True)
+    luminance, total = (values[1], roundings[1]), sum(values)
     if total <= 0:
-        return Stated(values[1], power=power, mean_nm=mean_nm)
+        return Stated(luminance, power=power, mean_nm=mean_nm)
     # x = X / (X + Y + Z): its own rounding, and that of the sum times x, which is below 1
-    rounding = (max(number.rounding for number in values)
-                + sum(number.rounding for number in values)) / total
-    x, y = (Number(number.value / total, rounding) for number in values[:2])
-    return Stated(values[1], x, y, power, mean_nm)
+    rounding = (max(roundings) + sum(roundings)) / total
+    x, y = ((value / total, rounding) for value in values[:2])
+    return Stated(luminance, x, y, power, mean_nm)
 
 
-def mean_wavelength(power: Number, photons: Number) -> Number | None:
+def mean_wavelength(power: Printed, photons: Printed) -> Printed | None:
     """Mean wavelength of a light from its power in W and its photons per second.
 
     None where the two cannot be of one visible light: the instrument counts in another unit.
 
     Parameters
     ----------
-    power, photons : Number
+    power, photons : Printed
     """
-    if power.value <= 0 or photons.value <= 0:
+    watts, rounding = power
+    count, rounding_of_count = photons
+    if watts <= 0 or count <= 0:
         return None
-    mean = photons.value * PHOTON_J_NM / power.value
-    relative = power.rounding / power.value + photons.rounding / photons.value
-    return Number(mean, mean * relative) if 100 < mean < 3000 else None
+    mean = count * PHOTON_J_NM / watts
+    relative = rounding / watts + rounding_of_count / count
+    return (mean, mean * relative) if 100 < mean < 3000 else None
 
 
 def check_stated(nm: np.ndarray, values: np.ndarray, stated: Stated, name: str) -> None:
@@ -121,24 +118,25 @@ def check_stated(nm: np.ndarray, values: np.ndarray, stated: Stated, name: str) 
     sums = [weights * values for weights in (grid.trapezoid_weights_nm(nm), step)]
     powers = [float(part.sum()) for part in sums]
 
-    def compare(what: str, ours: list[float], theirs: Number, tolerance: float, form: str,
+    def compare(what: str, ours: list[float], theirs: Printed, tolerance: float, form: str,
                 unit: str = "") -> None:
-        allowed = tolerance + theirs.rounding
-        if not min(ours) - allowed <= theirs.value <= max(ours) + allowed:
+        value, rounding = theirs
+        allowed = tolerance + rounding
+        if not min(ours) - allowed <= value <= max(ours) + allowed:
             raise UntrustedReadingError(
                 f"{name}: the spectrum's {what} is {ours[0]:{form}}{unit}, the instrument reports "
-                f"{theirs.value:{form}}; they must agree within {allowed:.2g}: {ADVICE}")
+                f"{value:{form}}; they must agree within {allowed:.2g}: {ADVICE}")
     if stated.luminance is not None:
         compare("luminance", [float(xyz[1])], stated.luminance,
                 max(LUMINANCE_RTOL, LUMINANCE_PER_NM * step if step > 4 else 0.0)
-                * abs(stated.luminance.value), ".4g", " cd/m2 (or lx)")
+                * abs(stated.luminance[0]), ".4g", " cd/m2 (or lx)")
     if xyz.sum() > 0:
         for axis, theirs, index in (("x", stated.x, 0), ("y", stated.y, 1)):
             if theirs is not None:
                 compare(f"chromaticity {axis}", [float(xyz[index] / xyz.sum())], theirs,
                         CHROMATICITY_PER_NM * step, ".4f")
     if stated.power is not None:
-        compare("sum", powers, stated.power, POWER_RTOL * abs(stated.power.value), ".4g",
+        compare("sum", powers, stated.power, POWER_RTOL * abs(stated.power[0]), ".4g",
                 " W/m2 (or W/m2/sr)")
     if stated.mean_nm is not None and min(powers) > 0:
         compare("mean wavelength", [float(nm @ part / part.sum()) for part in sums],

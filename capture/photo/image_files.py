@@ -76,10 +76,10 @@ def read_linear_file(path: str | os.PathLike[str]) -> LinearImage:
         clip, step = _clip_and_step(signal, header.kind)
         return _linear_image(signal, header, np.full(signal.shape[2], clip), step)
     # what is at 0.98 of the white level is clipped, as in a raw
-    white = header.levels.white
-    black = header.levels.black.mean(axis=(0, 1))
+    black_tile, white = header.levels
+    black = black_tile.mean(axis=(0, 1))
     clips = (CLIP_FRACTION * white - black) / (white - black)
-    header.levels.apply(signal)
+    stored_images.apply_levels(signal, black_tile, white)
     step = _clip_and_step(signal, header.kind)[1] * header.full_scale() / (white - black).min() \
         if header.kind in stored_images.FULL_SCALE else _clip_and_step(signal, header.kind)[1]
     return _linear_image(signal, header, clips, step)

@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,17 +25,7 @@ PNG_LEVEL = 2           # of 9: larger by a tenth than at 6, and three times as 
 TILE_PX = 64            # of one side, of an EXR that is written in tiles
 
 
-@dataclass(frozen=True)
-class PictureRows:
-    """A linear picture, read a few rows at a time as often as needed."""
-
-    height: int
-    width: int
-    bands: int
-    read: Callable[[int, int], np.ndarray]      # (first, last) -> (last - first, W, K) float32
-
-
-def open_rows(path: Path) -> PictureRows:
+def open_rows(path: Path) -> tuple[tuple[int, int, int], strips.ReadRows]:
     """Linear signal of a linear EXR, TIFF or Zarr array from its file as it is asked for, of a raw
     from memory.
 
@@ -47,6 +36,12 @@ def open_rows(path: Path) -> PictureRows:
     ----------
     path : Path
 
+    Returns
+    -------
+    (H, W, K)
+    function of (first, last)
+        Reads rows (last - first, W, K) float32, as often as needed.
+
     Raises
     ------
     InputError
@@ -55,10 +50,10 @@ def open_rows(path: Path) -> PictureRows:
     if path.is_dir():
         return _zarr_rows(path)
     if not path.is_file() or not stored_images.is_image_file(path):
-        return _held(path)
+        return rows_of_array(linear.open_photo(path).signal)
     file = stored_images.open_as_stored(path)
     if file is None:
-        return _held(path)
+        return rows_of_array(linear.open_photo(path).signal)
     spec = file.spec()
     header = stored_images.PictureHeader(path, spec, file.format_name())
     header.full_scale()
@@ -67,7 +62,7 @@ def open_rows(path: Path) -> PictureRows:
         raise errors.InputError(f"photo {path.name} has {len(bands)} band(s) "
                                 f"({', '.join(header.names)}); at least 3 are needed")
     stored_images.require_decodable(path, spec, _rows_at_once(file), stored_images.LINEAR_BYTES)
-    return PictureRows(spec.height, spec.width, len(bands), _reader(path, file, bands, header))
+    return (spec.height, spec.width, len(bands)), _reader(path, file, bands, header)
 
 
 def _rows_at_once(file: Any) -> int:
@@ -79,8 +74,9 @@ def _rows_at_once(file: Any) -> int:
     return min(max(spec.tile_height, strip, ROWS_PER_BLOCK), spec.height)
 
 
-def open_encoded(path: Path) -> PictureRows:
-    """What the CIE 1931 observer sees of a picture in sRGB under D65, relative to white.
+def open_encoded(path: Path) -> tuple[tuple[int, int, int], strips.ReadRows]:
+    """What the CIE 1931 observer sees of a picture in sRGB under D65, relative to white, as
+    ``open_rows`` gives it.
 
     Parameters
     ----------
@@ -93,7 +89,7 @@ def open_encoded(path: Path) -> PictureRows:
         As `image_files.read_encoded_values`.
     """
     signal = appearance.signal_of_srgb(image_files.read_encoded_values(path)).astype(np.float32)
-    return _rows_of_array(signal)
+    return rows_of_array(signal)
 
 
 def _reader(path: Path, file: Any, bands: Sequence[int],
@@ -114,7 +110,7 @@ def _reader(path: Path, file: Any, bands: Sequence[int],
         stored_images.require_finite(path.name, signal)
         if header.levels is not None:
             signal = np.ascontiguousarray(signal)
-            header.levels.apply(signal, first, header.full_scale())
+            stored_images.apply_levels(signal, *header.levels, first, header.full_scale())
         return signal
 
     return strips.read_by_strips(read, spec.height, spec.tile_height) if spec.tile_width else read
@@ -155,7 +151,7 @@ def open_channels(path: str | os.PathLike[str]) -> tuple[list[str], int, int,
     return names, spec.height, spec.width, rows
 
 
-def _zarr_rows(path: Path) -> PictureRows:
+def _zarr_rows(path: Path) -> tuple[tuple[int, int, int], strips.ReadRows]:
     (height, width, bands), chunk_rows, dtype, read_rows = open_zarr(path)
     if bands < 3:
         raise errors.InputError(f"{path.name} has {bands} band(s); at least 3 are needed")
@@ -168,17 +164,13 @@ def _zarr_rows(path: Path) -> PictureRows:
         stored_images.require_finite(path.name, signal)
         return signal
 
-    return PictureRows(height, width, bands,
-                       strips.read_by_strips(read, height, chunk_rows))
+    return (height, width, bands), strips.read_by_strips(read, height, chunk_rows)
 
 
-def _held(path: Path) -> PictureRows:
-    return _rows_of_array(linear.open_photo(path).signal)
-
-
-def _rows_of_array(signal: np.ndarray) -> PictureRows:
+def rows_of_array(signal: np.ndarray) -> tuple[tuple[int, int, int], strips.ReadRows]:
+    """A picture (H, W, K) in memory as ``open_rows`` gives one."""
     height, width, bands = signal.shape
-    return PictureRows(height, width, bands, lambda first, last: signal[first:last])
+    return (height, width, bands), lambda first, last: signal[first:last]
 
 
 @contextlib.contextmanager

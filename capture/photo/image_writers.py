@@ -168,7 +168,7 @@ def _write_for_screen(path: Path, rgb8: np.ndarray, attributes: Mapping[str, int
     spec = oiio.ImageSpec(rgb8.shape[1], rgb8.shape[0], rgb8.shape[2], oiio.UINT8)
     for name, value in attributes.items():
         spec.attribute(name, value)
-    _tag(spec, profile_files.SRGB.profile)
+    _tag(spec, profile_files.picture_profile(profile_files.SRGB))
     _write(path, np.ascontiguousarray(rgb8, dtype=np.uint8), spec)
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -50,9 +50,8 @@ def open_photo(path: str | os.PathLike[str]) -> photos.LinearImage:
     if is_image_file(Path(path)):
         return image_files.read_linear_file(path)
     processed_photos.require_no_processed_file(Path(path))
-    frame = raw.decode(path)
-    return full_colour_image(frame) if isinstance(frame,
-                                                  raw.FullColourFrame) else linear_image(frame)
+    frames = raw.decode(path)
+    return linear_image(frames[0]) if len(frames) == 1 else full_colour_image(frames)
 
 
 def photo_size(path: str | os.PathLike[str]) -> tuple[int, int]:
@@ -202,7 +201,7 @@ def _with_gains(frame: photos.RawFrame, positions: list[_Position], dark: np.nda
     return squares
 
 
-def full_colour_image(frame: raw.FullColourFrame) -> photos.LinearImage:
+def full_colour_image(planes: Sequence[photos.RawFrame]) -> photos.LinearImage:
     """Signal of a linear DNG, every pixel its own.
 
     Marked as an image file taken as linear: whoever wrote it has interpolated, and perhaps
@@ -210,17 +209,23 @@ def full_colour_image(frame: raw.FullColourFrame) -> photos.LinearImage:
 
     Parameters
     ----------
-    frame : FullColourFrame
+    planes : sequence of K RawFrame
+        Of each colour.
     """
-    scale = frame.white_level - frame.black_level
-    signal = np.subtract(frame.pixels, frame.black_level.astype(np.float32), dtype=np.float32)
+    frame = planes[0]
+    white = np.array([plane.white_level for plane in planes])
+    scale = white - [float(plane.black_level[0, 0]) for plane in planes]
+    limits = np.minimum(np.ceil(CLIP_FRACTION * white), 65535).astype(np.uint16)
+    signal = np.empty((*frame.mosaic.shape, len(planes)), np.float32)
+    saturated = np.empty(signal.shape, bool)
+    for band, plane in enumerate(planes):
+        signal[..., band] = plane.mosaic - plane.black_level.astype(np.float32)
+        saturated[..., band] = plane.mosaic >= limits[band]
     if frame.black_rows is not None:
         signal -= frame.black_rows.astype(np.float32)[:, None, None]
     if frame.black_columns is not None:
         signal -= frame.black_columns.astype(np.float32)[:, None]
     signal /= scale.astype(np.float32)
-    limits = np.minimum(np.ceil(CLIP_FRACTION * frame.white_level), 65535)
-    saturated = frame.pixels >= limits.astype(np.uint16)
     if frame.linear_limit < 1:
         saturated |= signal >= frame.linear_limit
     clips = clipping.clip_levels(signal, 1 / scale, frame.file, saturated)
@@ -356,8 +361,8 @@ def _require_black_at_zero(frame: photos.RawFrame, signal: np.ndarray, saturated
                      "develop --dark), or install a rawpy with a newer LibRaw")
 
 
-def _image(frame: photos.RawFrame | raw.FullColourFrame, signal: np.ndarray, variance: np.ndarray,
-           saturated: np.ndarray, sensor_step: float, kind: photos.PhotoKind) -> photos.LinearImage:
+def _image(frame: photos.RawFrame, signal: np.ndarray, variance: np.ndarray, saturated: np.ndarray,
+           sensor_step: float, kind: photos.PhotoKind) -> photos.LinearImage:
     for array in (signal, saturated, variance):
         array.flags.writeable = False  # the record then keeps them without a copy
     return photos.LinearImage(signal=signal, variance=variance, saturated=saturated,

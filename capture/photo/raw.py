@@ -9,7 +9,6 @@ import os
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,7 @@ from spectrabox.capture.photo.opcodes import stated_corrections
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.files import require_utf8_name, sha256_of
 from spectrabox.radiometry.findings import Finding, Severity
-from spectrabox.radiometry.records.photos import GainMap, RawFrame
+from spectrabox.radiometry.records.photos import RawFrame
 from spectrabox.radiometry.system.archives import require_room
 
 LIBRAW_VERSION = ".".join(map(str, rawpy.libraw_version))
@@ -33,29 +32,6 @@ RAW_BYTES, FULL_COLOUR_BYTES = 20, 16     # that decoding takes for each sample,
 MAX_BLACK_SPREAD = 0.02     # of the white level: in cameras positions differ by less than 0.1 %
 # What LibRaw prints where it goes on regardless.
 TROUBLE = ("unexpected end of file", "data corrupted", "corrupt")
-
-
-@dataclass(frozen=True, eq=False)
-class FullColourFrame:
-    """Pixels of a linear DNG: every colour at every pixel, as a converter or a phone wrote them."""
-
-    pixels: np.ndarray       # (H, W, 3) uint16 DN
-    black_level: np.ndarray  # (3,) DN
-    white_level: np.ndarray  # (3,) DN
-    exposure_s: float | None
-    iso: float | None
-    f_number: float | None
-    camera: str
-    file: str
-    sha256: str
-    camera_from_xyz: np.ndarray | None = None   # (3, 3), as in the raw frame
-    matrix_of_file: bool = False
-    taken_at: str = ""                          # likewise
-    black_rows: np.ndarray | None = None        # (H,) and (W,) DN, as in the raw frame
-    black_columns: np.ndarray | None = None
-    gain_maps: tuple[GainMap, ...] = ()
-    linear_limit: float = 1.0
-    findings: tuple[Finding, ...] = ()
 
 
 def read_raw(path: str | os.PathLike[str]) -> RawFrame:
@@ -71,15 +47,16 @@ def read_raw(path: str | os.PathLike[str]) -> RawFrame:
         If the file is missing, empty, cut short, contradicts itself or is no camera raw, or if it
         holds full-colour pixels or another colour filter pattern.
     """
-    frame = decode(path)
-    if isinstance(frame, FullColourFrame):
+    frame, *further = decode(path)
+    if further:
         raise InputError(f"raw photo {frame.file} holds full-colour pixels (a linear DNG) and no "
                          "mosaic; give the camera's own raw file")
     return frame
 
 
-def decode(path: str | os.PathLike[str]) -> RawFrame | FullColourFrame:
-    """As ``read_raw``, but full-colour pixels of a linear DNG are returned as such.
+def decode(path: str | os.PathLike[str]) -> tuple[RawFrame, ...]:
+    """As ``read_raw``, a frame; of a linear DNG three, one for each colour: it holds every colour
+    at every pixel, as a converter or a phone wrote them.
 
     Parameters
     ----------
@@ -124,13 +101,17 @@ def decode(path: str | os.PathLike[str]) -> RawFrame | FullColourFrame:
         if full_colour:
             require_room(path.name, raw.sizes.raw_width, raw.sizes.raw_height, 3,
                          FULL_COLOUR_BYTES)
-            pixels = np.ascontiguousarray(raw.raw_image_visible[..., :3]).copy()
-            return FullColourFrame(pixels, black_level, white_level, **exposure, **stated)
-        visible = np.ascontiguousarray(raw.raw_image_visible)
-        visible = visible.copy() if np.shares_memory(visible, raw.raw_image) else visible
-    visible.flags.writeable = False
-    return RawFrame(mosaic=visible, cfa=cfa, black_level=black_level,
-                    white_level=float(white_level[0]), **exposure, **stated)
+            planes = [raw.raw_image_visible[..., band].copy() for band in range(3)]
+            tiles = [(np.array([[band]]), black_level[band].reshape(1, 1)) for band in range(3)]
+        else:
+            visible = np.ascontiguousarray(raw.raw_image_visible)
+            planes = [visible.copy() if np.shares_memory(visible, raw.raw_image) else visible]
+            tiles = [(cfa, black_level)]
+    for plane in planes:
+        plane.flags.writeable = False   # the record then keeps it without a copy
+    return tuple(RawFrame(mosaic=plane, cfa=cfa, black_level=black, white_level=float(white),
+                          **exposure, **stated)
+                 for plane, (cfa, black), white in zip(planes, tiles, white_level, strict=True))
 
 
 def _white_levels(raw: rawpy.RawPy, metadata: PhotoMetadata) -> np.ndarray:

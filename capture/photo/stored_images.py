@@ -34,35 +34,6 @@ LINEAR_BYTES, ENCODED_BYTES = 8, 16
 MAX_SIGNAL = 1e9                    # its square is a variance, which single precision must hold
 
 
-@dataclass(frozen=True, eq=False)
-class Levels:
-    """Black level (a, b, K) of a tile of pixels from the first one, and white level (K,), in units
-    of the file.
-    """
-
-    black: np.ndarray
-    white: np.ndarray
-
-    def apply(self, values: np.ndarray, first_row: int = 0, scale: float = 1.0) -> None:
-        """Bring values to signal, 0 at black and 1 at white, in place.
-
-        Parameters
-        ----------
-        values : (h, W, K) float array
-        first_row : int
-            Of the picture, that they begin with.
-        scale : float
-            The file's value of 1 of theirs.
-        """
-        rows, columns, _ = self.black.shape
-        white = self.white / scale
-        for y, x in np.ndindex(rows, columns):
-            black = self.black[y, x] / scale
-            part = values[(y - first_row) % rows::rows, x::columns]
-            part -= black.astype(values.dtype)
-            part /= (white - black).astype(values.dtype)
-
-
 @dataclass(frozen=True)
 class PictureHeader:
     """What a picture states of itself.
@@ -148,9 +119,10 @@ class PictureHeader:
         return value if value > 0 else None
 
     @cached_property
-    def levels(self) -> Levels | None:
-        """Black and white level that a TIFF states, of the bands to use; None where it states none,
-        or those of its format.
+    def levels(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """Black level (a, b, K) of a tile of pixels from the first one, and white level (K,), in
+        units of the file, that a TIFF states of the bands to use; None where it states none, or
+        those of its format.
 
         Raises
         ------
@@ -177,14 +149,17 @@ class PictureHeader:
         if np.any(white <= black):
             raise InputError(f"photo {self.path.name} states a white level of {white.min():g}, not "
                              f"above its black level of {black.max():g}; export it again")
-        return Levels(black, white)
+        return black, white
 
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What its tags state of its values, which is applied, and pictures that are not read."""
-        findings = [] if self.levels is None else [Finding("file.levels", Severity.INFO, values={
-            "black": [float(level) for level in self.levels.black.mean(axis=(0, 1))],
-            "white": [float(level) for level in self.levels.white]})]
+        findings = []
+        if self.levels is not None:
+            black, white = self.levels
+            findings.append(Finding("file.levels", Severity.INFO, values={
+                "black": [float(level) for level in black.mean(axis=(0, 1))],
+                "white": [float(level) for level in white]}))
         if self.further:
             width, height = max(self.further, key=lambda size: size[0] * size[1])
             own = self.spec.width, self.spec.height
@@ -218,6 +193,28 @@ class PictureHeader:
             raise InputError(f"photo {self.path.name} holds {kind} values, whose full scale nobody "
                              "states; export it as a linear EXR or a 16-bit TIFF")
         return FULL_SCALE.get(kind, 1)
+
+
+def apply_levels(values: np.ndarray, black: np.ndarray, white: np.ndarray, first_row: int = 0,
+                 scale: float = 1.0) -> None:
+    """Bring values to signal, 0 at black and 1 at white, in place.
+
+    Parameters
+    ----------
+    values : (h, W, K) float array
+    black, white : (a, b, K) and (K,) arrays
+        As of ``PictureHeader.levels``.
+    first_row : int
+        Of the picture, that they begin with.
+    scale : float
+        The file's value of 1 of theirs.
+    """
+    rows, columns, _ = black.shape
+    for y, x in np.ndindex(rows, columns):
+        lowest = black[y, x] / scale
+        part = values[(y - first_row) % rows::rows, x::columns]
+        part -= lowest.astype(values.dtype)
+        part /= (white / scale - lowest).astype(values.dtype)
 
 
 def is_image_file(path: Path) -> bool:

@@ -7,8 +7,7 @@ of the button, with the four packets of its spectrum.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
 
 from spectrabox.capture.meter.instruments import cr30
 from spectrabox.capture.transcripts.transcript import Event, Transcript
@@ -17,52 +16,31 @@ from spectrabox.radiometry.errors import InputError
 CONNECTING = (*cr30.IDENTITY, *cr30.START)
 
 
-@dataclass(frozen=True)
-class Packet:
-    """Sixty bytes, and when they were complete."""
-
-    from_computer: bool
-    time_s: float
-    content: bytes
+# seconds, and the sixty bytes that were complete then
+Packet = tuple[float, bytes]
 
 
-@dataclass(frozen=True)
-class Step:
-    """One thing that was done: "connect", a kind of calibration, or "measure"."""
-
-    what: str
-    by_button: bool = False
-    header: Packet | None = None
-    replies: dict[str, Packet] = field(default_factory=dict)    # by command
-    asked_s: float | None = None
-
-    def events(self) -> Iterator[Event]:
-        """As our driver has it: each request with its reply."""
-        before_s = self.asked_s
-        if self.header is not None:
-            if not self.by_button:
-                yield Event(">", 0.0, cr30.request(cr30.TRIGGER))
-            yield Event("<", _since(before_s, self.header), self.header.content)
-            before_s = self.header.time_s
-        for command, packet in self.replies.items():
-            yield Event(">", 0.0, cr30.request(command))
-            yield Event("<", _since(before_s, packet), packet.content)
-            before_s = packet.time_s
-
-
-def as_our_driver_has_it(recording: Transcript, steps: Sequence[Step]) -> Transcript:
+def as_our_driver_has_it(recording: Transcript,
+                         steps: Sequence[tuple[str, tuple[Event, ...]]]) -> Transcript:
     """The transcript of the steps of a recording that a player plays to our driver."""
     return Transcript({**recording.facts, "instrument": cr30.Cr30.name,
-                       "line": str(cr30.Cr30.line_settings.baud)},
-                      tuple(event for step in steps for event in step.events()), recording.file)
+                       "line": str(cr30.Cr30.baud)},
+                      tuple(event for _, events in steps for event in events), recording.file)
 
 
-def cr30_traffic(transcript: Transcript) -> tuple[list[Step], list[str]]:
+def cr30_traffic(transcript: Transcript) -> tuple[list[tuple[str, tuple[Event, ...]]], list[str]]:
     """The steps of a recording in order, and what of it is in none of them.
 
     Parameters
     ----------
     transcript : Transcript
+
+    Returns
+    -------
+    steps : list of (str, events)
+        What was done, "connect", a kind of calibration, or "measure", with the requests and replies
+        that our driver has then. A measurement by the button begins with what the instrument says.
+    problems : list of str
 
     Raises
     ------
@@ -74,11 +52,11 @@ def cr30_traffic(transcript: Transcript) -> tuple[list[Step], list[str]]:
     if not instrument:
         raise InputError(f"{transcript.file} holds no packet of a CR30, whose traffic alone can be "
                          "read from recordings of other programs")
-    packets = sorted([*computer, *instrument], key=lambda packet: packet.time_s)
-    steps, problems = _steps(packets)
+    packets = [*((">", packet) for packet in computer), *(("<", packet) for packet in instrument)]
+    steps, problems = _steps(sorted(packets, key=lambda directed: directed[1][0]))
     if lost:
         problems.insert(0, f"{lost} bytes of the instrument belong to no whole packet")
-    if not any(step.what == "measure" for step in steps):
+    if not any(what == "measure" for what, _ in steps):
         problems.append("the recording holds no whole measurement")
     return steps, problems
 
@@ -98,8 +76,7 @@ def _packets(events: Sequence[Event], direction: str) -> tuple[list[Packet], int
             if cr30.is_packet(bytes(stream[:cr30.PACKET_BYTES])) or (direction == ">"
                                                            and stream[0] in (0xAA, 0xBB)):
                 # recordings without times keep their order by a nanosecond an event
-                packets.append(Packet(direction == ">", time_s + number * 1e-9,
-                                      bytes(stream[:cr30.PACKET_BYTES])))
+                packets.append((time_s + number * 1e-9, bytes(stream[:cr30.PACKET_BYTES])))
                 del stream[:cr30.PACKET_BYTES]
             else:
                 del stream[:1]
@@ -107,57 +84,67 @@ def _packets(events: Sequence[Event], direction: str) -> tuple[list[Packet], int
     return packets, lost + len(stream)
 
 
-def _steps(packets: Sequence[Packet]) -> tuple[list[Step], list[str]]:
-    connect = Step("connect")
-    steps: list[Step] = []
+def _steps(packets: Sequence[tuple[str, Packet]]
+           ) -> tuple[list[tuple[str, tuple[Event, ...]]], list[str]]:
+    connect: dict[str, Packet] = {}     # replies by command
+    steps: list[tuple[str, tuple[Event, ...]]] = []
     unasked, unfinished = 0, Counter[str]()
-    open_step: Step | None = None       # a measurement whose spectrum is not complete
+    # a measurement whose spectrum is not complete: its header, when it was triggered, which a press
+    # of the button does not tell, and the parts of its spectrum
+    header: Packet | None = None
+    triggered_s: float | None = None
+    parts: dict[str, Packet] = {}
     asked: dict[str, float] = {}        # when, of commands that wait for their answer
 
     def close() -> None:
-        nonlocal open_step, unasked
-        if open_step is not None and not open_step.replies:
+        nonlocal header, parts, unasked
+        if header is not None and not parts:
             unasked += 1
-        elif open_step is not None:
-            unfinished[", ".join(part[4:] for part in cr30.PARTS
-                                 if part not in open_step.replies)] += 1
-        open_step = None
+        elif header is not None:
+            unfinished[", ".join(part[4:] for part in cr30.PARTS if part not in parts)] += 1
+        header, parts = None, {}
 
-    for packet in packets:
-        command = packet.content[:3].hex()
-        if packet.from_computer:
-            asked[command] = packet.time_s
-        elif packet.content.startswith(cr30.HEADER):
-            if open_step is not None and open_step.header is not None \
-                    and open_step.header.content == packet.content and cr30.TRIGGER not in asked \
-                    and not open_step.replies and not open_step.by_button:
+    for direction, packet in packets:
+        time_s, content = packet
+        command = content[:3].hex()
+        if direction == ">":
+            asked[command] = time_s
+        elif content.startswith(cr30.HEADER):
+            if header is not None and header[1] == content and cr30.TRIGGER not in asked \
+                    and not parts and triggered_s is not None:
                 continue                # the same one, sent or noted twice
             close()
-            asked_s = asked.pop(cr30.TRIGGER, None)
-            open_step = Step("measure", asked_s is None, packet, asked_s=asked_s)
-        elif command in cr30.PARTS and open_step is not None:
-            open_step.replies.setdefault(command, packet)
-            if set(open_step.replies) == set(cr30.PARTS):
-                steps.append(replace(open_step, replies={part: open_step.replies[part]
-                                                         for part in cr30.PARTS}))
-                open_step = None
+            header, triggered_s = packet, asked.pop(cr30.TRIGGER, None)
+        elif command in cr30.PARTS and header is not None:
+            parts.setdefault(command, packet)
+            if set(parts) == set(cr30.PARTS):
+                begun = "" if triggered_s is None else cr30.TRIGGER
+                steps.append(("measure", _exchange(triggered_s, {
+                    begun: header, **{part: parts[part] for part in cr30.PARTS}})))
+                header, parts = None, {}
         elif connecting := next((each for each in CONNECTING
-                                 if packet.content.startswith(bytes.fromhex(each))), None):
-            connect.replies.setdefault(connecting, packet)
+                                 if content.startswith(bytes.fromhex(each))), None):
+            connect.setdefault(connecting, packet)
         elif calibration := next((which for which, (each, _) in cr30.CALIBRATIONS.items()
-                                  if packet.content.startswith(bytes.fromhex(each))), None):
-            steps.append(Step(calibration, replies={cr30.CALIBRATIONS[calibration][0]: packet},
-                              asked_s=asked.pop(command, None)))
+                                  if content.startswith(bytes.fromhex(each))), None):
+            steps.append((calibration, _exchange(
+                asked.pop(command, None), {cr30.CALIBRATIONS[calibration][0]: packet})))
     close()
     problems = [f"{unasked} measurements have no spectrum in the recording: it was not asked for"] \
         if unasked else []
     problems += [f"{count} measurements lack the parts {missing} of their spectrum"
                  for missing, count in unfinished.items()]
-    if set(connect.replies) == set(CONNECTING):
-        steps.insert(0, replace(connect, replies={each: connect.replies[each]
-                                                  for each in CONNECTING}))
+    if set(connect) == set(CONNECTING):
+        steps.insert(0, ("connect", _exchange(None, {each: connect[each] for each in CONNECTING})))
     return steps, problems
 
 
-def _since(before_s: float | None, packet: Packet) -> float:
-    return 0.0 if before_s is None else max(packet.time_s - before_s, 0.0)
+def _exchange(before_s: float | None, replies: Mapping[str, Packet]) -> tuple[Event, ...]:
+    """Each request with its reply, as our driver has it; no request of a reply to no command."""
+    events = []
+    for command, (time_s, content) in replies.items():
+        if command:
+            events.append(Event(">", 0.0, cr30.request(command)))
+        events.append(Event("<", 0.0 if before_s is None else max(time_s - before_s, 0.0), content))
+        before_s = time_s
+    return tuple(events)

@@ -15,7 +15,6 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -299,16 +298,6 @@ AT_ONCE = 0.01
 UNKNOWN_CR30 = Identity("CR30", "not recorded", None)   # where a recording began later
 
 
-@dataclass(frozen=True)
-class Played:
-    """What a driver read from a recording."""
-
-    instrument: str
-    synthetic: bool
-    readings: tuple[SpectralReading, ...]
-    problems: tuple[str, ...]       # where the driver left the recording
-
-
 @contextlib.contextmanager
 def record(folder: Path, instrument: str, wanted: MeterSettings) -> Iterator[TranscriptWriter]:
     """A transcript of a run, named after its time, in a folder.
@@ -327,8 +316,8 @@ def record(folder: Path, instrument: str, wanted: MeterSettings) -> Iterator[Tra
     """
     driver = drivers.driver_named(instrument)
     now = datetime.now(UTC)
-    line = driver.line_settings
-    facts = {"instrument": driver.name, "line": f"{line.baud}{' rtscts' if line.rtscts else ''}",
+    facts = {"instrument": driver.name,
+             "line": f"{driver.baud}{' rtscts' if driver.rtscts else ''}",
              "recorded": now.isoformat(timespec="seconds"), "settings": settings_text(wanted)}
     writer = TranscriptWriter(folder / f"{now:%Y%m%dT%H%M%S.%f}.transcript", facts)
     try:
@@ -338,7 +327,7 @@ def record(folder: Path, instrument: str, wanted: MeterSettings) -> Iterator[Tra
 
 
 def replay_transcript(transcript: Transcript, *, speed: float = 0.0,
-                      over_socket: bool = False) -> Played:
+                      over_socket: bool = False) -> tuple[list[SpectralReading], list[str]]:
     """Play a recording to its driver and take the readings it holds.
 
     Parameters
@@ -348,6 +337,12 @@ def replay_transcript(transcript: Transcript, *, speed: float = 0.0,
         1 plays in real time, 10 ten times as fast, 0 without any delay.
     over_socket : bool
 
+    Returns
+    -------
+    readings : list of SpectralReading
+    problems : list of str
+        Where the driver left the recording.
+
     Raises
     ------
     InputError
@@ -356,7 +351,7 @@ def replay_transcript(transcript: Transcript, *, speed: float = 0.0,
         If the driver cannot make sense of it.
     """
     name = transcript.facts.get("instrument")
-    if name == cr30.Cr30.name or transcript.sniffed:
+    if name == cr30.Cr30.name:
         return _replay_cr30(transcript, speed, over_socket)
     if name is None:
         raise InputError(f"{transcript.file} names no instrument; a line such as '# instrument: "
@@ -373,7 +368,7 @@ def replay_transcript(transcript: Transcript, *, speed: float = 0.0,
         for _ in range(count):
             readings.append(measurement.take_reading(meter, identity,
                                                      transcript=transcript.file))
-    return Played(name, "synthetic" in transcript.facts, tuple(readings), tuple(player.problems))
+    return readings, player.problems
 
 
 @contextlib.contextmanager
@@ -398,7 +393,8 @@ def _ending_as_recorded(player: TranscriptPlayer,
         player.problems.append(ended)
 
 
-def _replay_cr30(transcript: Transcript, speed: float, over_socket: bool) -> Played:
+def _replay_cr30(transcript: Transcript, speed: float,
+                 over_socket: bool) -> tuple[list[SpectralReading], list[str]]:
     """Play what a CR30 said, to whatever program it said it."""
     steps, problems = cr30_traffic(transcript)
     scale = 1 / speed if speed else 0.0
@@ -411,17 +407,16 @@ def _replay_cr30(transcript: Transcript, speed: float, over_socket: bool) -> Pla
     with measurement.open_instrument(cr30.Cr30.name, player.port, lambda direction, data: None,
                                      pace) as meter, player:
         assert isinstance(meter, cr30.Cr30)
-        for step in steps:
-            if step.what == "connect":
+        for what, events in steps:
+            if what == "connect":
                 identity = meter.identify()
-            elif step.what in meter.calibrations:
-                meter.calibrate(step.what)
+            elif what in meter.calibrations:
+                meter.calibrate(what)
             else:
-                meter.by_button = step.by_button
+                meter.by_button = events[0].direction == "<"
                 readings.append(
                     measurement.take_reading(meter, identity, transcript=transcript.file))
-    return Played(cr30.Cr30.name, "synthetic" in transcript.facts, tuple(readings),
-                  (*problems, *player.problems))
+    return readings, [*problems, *player.problems]
 
 
 def settings_text(wanted: MeterSettings) -> str:

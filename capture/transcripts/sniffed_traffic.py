@@ -12,9 +12,9 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
+from spectrabox.capture.meter.instruments import cr30
 from spectrabox.capture.transcripts import transcript
 from spectrabox.radiometry.errors import InputError
 
@@ -33,12 +33,8 @@ TEXT = re.compile(r"IRP_MJ_(READ|WRITE) +(UP|DOWN) +(?:STATUS_\w+ +)?"
                   r"((?:[0-9A-Fa-f]{2} )*[0-9A-Fa-f]{2}) {2}")
 
 
-@dataclass(frozen=True)
-class _Message:
-    write: bool
-    up: bool
-    time_s: float
-    passed: bytes
+# whether it is a write, whether it is on its way up, seconds, the bytes that passed
+_Message = tuple[bool, bool, float, bytes]
 
 
 def read_recording(path: Path) -> transcript.Transcript:
@@ -60,9 +56,11 @@ def read_recording(path: Path) -> transcript.Transcript:
             content += stream.read(MAX_FILE_BYTES) if sniffed else b""
     except OSError:
         sniffed = False                 # the reader of transcripts says what is wrong
-    return transcript.Transcript({}, sniffed_events(content, path.name), path.name, True) \
-        if sniffed \
-        else transcript.read_transcript(path)
+    if not sniffed:
+        return transcript.read_transcript(path)
+    # which of all instruments is the one that such recordings are read of
+    return transcript.Transcript({"instrument": cr30.Cr30.name},
+                                 sniffed_events(content, path.name), path.name)
 
 
 def sniffed_events(content: bytes, name: str) -> tuple[transcript.Event, ...]:
@@ -103,8 +101,7 @@ def _binary_messages(content: bytes, name: str) -> Iterator[_Message]:
             if at + count > len(content):
                 break                   # the last message was cut: what came before is whole
             if function in (READ, WRITE):
-                yield _Message(function == WRITE, bool(up), ticks / TICKS_PER_S,
-                               content[at:at + count])
+                yield function == WRITE, bool(up), ticks / TICKS_PER_S, content[at:at + count]
             at += count + 2 * letters
     except struct.error:
         return
@@ -113,20 +110,18 @@ def _binary_messages(content: bytes, name: str) -> Iterator[_Message]:
 def _text_messages(content: bytes) -> Iterator[_Message]:
     for line in content.decode("utf-8", "replace").splitlines():
         if match := TEXT.search(line):
-            yield _Message(match[1] == "WRITE", match[2] == "UP", 0.0, bytes.fromhex(match[3]))
+            yield match[1] == "WRITE", match[2] == "UP", 0.0, bytes.fromhex(match[3])
 
 
 def _events(messages: Sequence[_Message]) -> Iterator[transcript.Event]:
     """Each request once: a write that comes up again as it went down is the same write."""
-    down: _Message | None = None
-    before_s = messages[0].time_s if messages else 0.0
-    for message in messages:
-        echoed = message.write and message.up and down is not None \
-            and message.passed == down.passed
-        if message.write:
-            down = None if message.up else message
-        if not message.passed or echoed:
+    down: bytes | None = None           # the write that has not come up yet
+    before_s = messages[0][2] if messages else 0.0
+    for write, up, time_s, passed in messages:
+        echoed = write and up and passed == down
+        if write:
+            down = None if up else passed
+        if not passed or echoed:
             continue
-        yield transcript.Event(">" if message.write else "<", max(message.time_s - before_s, 0.0),
-                    message.passed)
-        before_s = message.time_s
+        yield transcript.Event(">" if write else "<", max(time_s - before_s, 0.0), passed)
+        before_s = time_s

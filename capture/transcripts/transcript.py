@@ -47,7 +47,6 @@ class Transcript:
     facts: dict[str, str]
     events: tuple[Event, ...]
     file: str
-    sniffed: bool = False       # written by another program, which says nothing of the instrument
 
     @property
     def baud(self) -> int:

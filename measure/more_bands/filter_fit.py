@@ -87,10 +87,9 @@ def filter_from_charts(
     first, second = fit.photos
     fitted = fit.photos[1].filter
     level = second.scale / first.scale / exposure if exposure is not None else \
-        1 / fitted.filter.transmittance.max()
-    transmittance = level * fitted.filter.transmittance
-    relative = np.einsum("pe,ef,pf->p", fitted.filter.modes, fitted.covariance,
-                         fitted.filter.modes)
+        1 / fitted.transmittance.max()
+    transmittance = level * fitted.transmittance
+    relative = np.einsum("pe,ef,pf->p", fitted.modes, fitted.covariance, fitted.modes)
     return Spectrum(grid.FINE_GRID, transmittance, Quantity.RELATIVE,
                     f"{through.samples.mean.shape[0]} patches with and without the filter",
                     transmittance * np.sqrt(np.maximum(relative, 0))), exposure is not None

@@ -19,7 +19,7 @@ from spectrabox.measure.surfaces.surface_signals import errors_by_cause, measure
 from spectrabox.radiometry import error_model, grid
 from spectrabox.radiometry.covariance import common_variance, error_patterns, symmetric
 from spectrabox.radiometry.records import spectra
-from spectrabox.radiometry.records.calibration import Calibration, FittedFilter
+from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 
 DARK_PATCH = 0.03       # of white: darker patches err as this
@@ -187,9 +187,9 @@ def _with_charts(fitted: ChartFitted, calibrations: list[Calibration],
     for number, start, stop in zip(filtered, starts[:-1], starts[1:], strict=True):
         own = known[number].filter
         assert own is not None
-        known[number] = dataclasses.replace(known[number], filter=FittedFilter(
-            own.filter, left[start:stop, start:stop],
-            left[start:stop, :curves] @ patterns.T))
+        known[number] = dataclasses.replace(known[number], filter=dataclasses.replace(
+            own, covariance=left[start:stop, start:stop],
+            with_curves=left[start:stop, :curves] @ patterns.T))
     return known
 
 
@@ -198,8 +198,8 @@ def _patches_in_band(chart: np.ndarray, calibration: Calibration, band: int
     """Signals (I,) of patches relative to white in one band, and their derivatives by the
     coefficients of all curves (I, D) and by the errors of the filter (I, E).
     """
-    fit, fitted = calibration.sensitivity, calibration.filter
-    assert fit.basis is not None and fitted is not None
+    fit, filter = calibration.sensitivity, calibration.filter
+    assert fit.basis is not None and filter is not None
     nodes = fit.basis.shape[1]
     weight = spectrum_on_grid(calibration.light, grid.FINE_GRID) * grid.FINE_GRID.weights_nm
     white = float(weight @ fit.curves[band])
@@ -207,7 +207,7 @@ def _patches_in_band(chart: np.ndarray, calibration: Calibration, band: int
     change = (chart - patches[:, None]) * weight / white
     by_curve = np.zeros((len(patches), len(fit.curves) * nodes))
     by_curve[:, band * nodes:(band + 1) * nodes] = change @ fit.basis
-    return patches, by_curve, (change * fit.curves[band]) @ fitted.filter.modes
+    return patches, by_curve, (change * fit.curves[band]) @ filter.modes
 
 
 def _calibration_of(calibration: Calibration, photo: filter_fit.FurtherPhoto) -> Calibration:
@@ -218,10 +218,4 @@ def _calibration_of(calibration: Calibration, photo: filter_fit.FurtherPhoto) ->
         power = power * spectrum_on_grid(calibration.light, grid.FINE_GRID) / light
     # a stated light may be dark at some wavelengths: nothing is divided by it
     own = spectra.Spectrum(grid.FINE_GRID, power, spectra.Quantity.RELATIVE, photo.name)
-    if photo.filter is None:
-        return dataclasses.replace(calibration, light=own)
-    modes = photo.filter.modes.shape[1]
-    coefficients = calibration.sensitivity.coefficients
-    of_curves = 0 if coefficients is None else coefficients.size
-    fitted = FittedFilter(photo.filter, np.eye(modes), np.zeros((modes, of_curves)))
-    return dataclasses.replace(calibration, light=own, filter=fitted)
+    return dataclasses.replace(calibration, light=own, filter=photo.filter)

@@ -191,7 +191,8 @@ def look_of_image(look: PhotoLook, image: photos.LinearImage, factor: int = 1) -
 
 
 def _to_rgb(transform: transforms.ColourTransform) -> np.ndarray:
-    return np.asarray(np.linalg.solve(profile_files.SRGB.to_xyz, transform.coefficients))
+    to_xyz = profile_files.TO_XYZ[profile_files.SRGB]
+    return np.asarray(np.linalg.solve(to_xyz, transform.coefficients))
 
 
 def _no_regions(bands: int) -> photos.RegionSamples:

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spectrabox.capture.photo.image_rows import PictureRows
+from spectrabox.capture.photo.image_rows import rows_of_array
 from spectrabox.measure.pictures import pixel_spectra
 from spectrabox.measure.signals.options import PIXEL_NOISE
 from spectrabox.radiometry import appearance, error_model, errors, findings, grid
+from spectrabox.radiometry.system import strips
 from spectrabox.sampling.prior import mixture, mixture_posterior, uplift_table
 from spectrabox.sampling.spectral_measurement import check_bands
 
@@ -73,7 +74,8 @@ class PixelSpectra(tuple[np.ndarray, np.ndarray]):
 class ImageSource:
     """An image of signals under one light, each band with its own independent relative error."""
 
-    image: PictureRows
+    size: tuple[int, int, int]      # height, width and number of bands
+    read: strips.ReadRows           # signals of rows
     white: np.ndarray               # (K,)
     relative_response: np.ndarray   # (K, 61), rows summing to 1
     prior: mixture.LogitMixture
@@ -97,19 +99,14 @@ class ImageSource:
                 "what a perfect white reads")
 
     @property
-    def size(self) -> tuple[int, int, int]:
-        """Height, width and number of bands."""
-        return self.image.height, self.image.width, self.image.bands
-
-    @property
     def responses(self) -> np.ndarray:
         """Relative response (1, K, 61)."""
         return self.relative_response[None]
 
     def block(self, first: int, last: int) -> pixel_spectra.PixelBlock:
         """The pixels of rows ``first`` to ``last``."""
-        signals = self.image.read(first, last) / self.white
-        return pixel_spectra.PixelBlock(signals.reshape(-1, self.image.bands), None, None)
+        signals = self.read(first, last) / self.white
+        return pixel_spectra.PixelBlock(signals.reshape(-1, self.size[2]), None, None)
 
     def table_errors(self, light: int, signals: np.ndarray) -> list[error_model.Errors]:
         """Errors of signals (n, K)."""
@@ -163,7 +160,7 @@ def uplift_image(image: np.ndarray, relative_response: np.ndarray, prior: mixtur
     require_bands(bands, relative_response)
     require_side(side)
     source = ImageSource(
-        PictureRows(height, width, bands, lambda first, last: image[first:last]),
+        *rows_of_array(image),
         np.ones(bands, np.float32) if white is None else white.astype(np.float32),
         relative_response, prior, noise, side)
     blocks = pixel_spectra.row_blocks(height, width)

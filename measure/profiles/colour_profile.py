@@ -207,7 +207,7 @@ def relative_signals(photo: photos.LinearImage, lit: FlatPhoto, known: Mapping[s
 
 def colour_picture(
         signals: Iterator[np.ndarray], transform: colour_fit.ColourTransform,
-        space: profile_files.RgbSpace | profile_files.LabSpace) -> tuple[np.ndarray, float]:
+        space: str) -> tuple[np.ndarray, float]:
     """Code values (H, W, 3) uint16 of a picture, and the share of its pixels that were clipped.
 
     Parameters
@@ -215,8 +215,9 @@ def colour_picture(
     signals : iterator of (rows, W, 3) arrays
         Relative to white.
     transform : ColourTransform
-    space : RgbSpace or LabSpace
+    space : str
+        One of ``profile_files.NAMES``.
     """
-    parts = [space.code_values(transform.xyz(rows)) for rows in signals]
+    parts = [profile_files.code_values(space, transform.xyz(rows)) for rows in signals]
     picture, clipped = (np.concatenate(each) for each in zip(*parts, strict=True))
     return picture, float(clipped.mean())

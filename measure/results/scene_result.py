@@ -13,7 +13,7 @@ from spectrabox.measure import captured, conditions, records, rules
 from spectrabox.measure.results import capture_result, methods
 from spectrabox.radiometry import error_model, findings
 from spectrabox.radiometry.records.calibration import Calibration, LightScale
-from spectrabox.radiometry.records.scenes import Reconstruction, SceneGeometry
+from spectrabox.radiometry.records.scenes import MarkedView, Placement, Reconstruction
 
 if TYPE_CHECKING:
     from spectrabox.measure.scene.rehearsal import Rehearsed
@@ -28,7 +28,8 @@ class SceneResult(capture_result.CaptureResult):
     views: Mapping[str, tuple[Calibration, Reconstruction]] = dataclasses.field(
         default_factory=dict)
     rehearsal: Rehearsed | None = None          # the last one of these results
-    geometry: SceneGeometry | None = None       # None where camera and lamp stand as stated
+    placements: tuple[Placement, ...] = ()      # none where camera and lamp stand as stated
+    marked_views: tuple[MarkedView, ...] = ()
     scale_from_chart: bool = True       # else from a known material
 
     surface_word = "material"
@@ -44,8 +45,7 @@ class SceneResult(capture_result.CaptureResult):
         """Relative standard error of the level of the light where nothing stated it, and what is
         expected of surfaces told it; None where a chart or a known material did.
         """
-        return next((error.relative for error in self.light_scale.common_errors
-                     if error.cause == error_model.LEVEL_BY_PRIOR), None)
+        return self.light_scale.common_errors.get(error_model.LEVEL_BY_PRIOR)
 
     @property
     def own_findings(self) -> list[findings.Finding]:
@@ -64,8 +64,7 @@ class SceneResult(capture_result.CaptureResult):
                              in zip(agreement.names, agreement.ratio, strict=True)],
                 "median_surface_error": rules.median_surface_error(agreement),
                 "light_scale": {"value": scale.value, "standard_error": scale.standard_error,
-                                "common_errors": {error.cause: error.relative
-                                                  for error in scale.common_errors}},
+                                "common_errors": dict(scale.common_errors)},
                 "known_light": None if light is None else {
                     "materials": list(light.materials), "level": light.level,
                     "level_error": light.level_error, "expected_error": light.expected_error,
@@ -110,7 +109,6 @@ def scene_result(capture: captured.SceneCapture, records: records.CaptureRecords
     """
     joint, names = records.reconstruct.joint, records.signals.names
     bands = capture.band_names(records.photo.bands)
-    geometry = records.reconstruct.geometry
     views = {view.name: (calibration, reconstruction) for view, calibration, reconstruction
              in zip(capture.views, records.calibrations(capture.views), joint.views, strict=True)
              if view.name}
@@ -128,5 +126,6 @@ def scene_result(capture: captured.SceneCapture, records: records.CaptureRecords
         common["signal_bands"] = bands
     return SceneResult(
         **common, surfaces=tuple(surfaces), reconstruction=joint.views[0],
-        views=views, rehearsal=rehearsal, geometry=geometry if geometry.placements else None,
+        views=views, rehearsal=rehearsal, placements=records.reconstruct.placements,
+        marked_views=records.reconstruct.marked_views,
         scale_from_chart=capture.scale_from_chart, picture_folder=picture_folder)

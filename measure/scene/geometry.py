@@ -11,8 +11,10 @@ from spectrabox.radiometry.records import scenes
 from spectrabox.reconstruct.scene import box_scene, box_tables, edit_scene, scene_file
 
 
-def scene_geometry(capture: SceneCapture) -> scenes.SceneGeometry:
-    """What of a capture's scenes was estimated, with errors.
+def scene_geometry(capture: SceneCapture
+                   ) -> tuple[tuple[scenes.Placement, ...], tuple[scenes.MarkedView, ...]]:
+    """What of a capture's scenes was estimated, with errors; empty where everything stands as
+    stated.
 
     Parameters
     ----------
@@ -37,7 +39,7 @@ def scene_geometry(capture: SceneCapture) -> scenes.SceneGeometry:
         views.append(marked_view(view.name, stated.box, camera))
     for file, refinements in capture.refinements.items():
         placements += refined_placements(file, refinements)
-    return scenes.SceneGeometry(tuple(placements), tuple(views))
+    return tuple(placements), tuple(views)
 
 
 def box_scenes(capture: SceneCapture) -> dict[str, str]:

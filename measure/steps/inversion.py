@@ -58,7 +58,7 @@ def invert_photos(capture: SceneCapture, records: CaptureRecords,
                                                 work.checkpoint(TRACE))
     joint = photo_errors.with_stray_light(joint, *stray_light(capture, records, views))
     return ReconstructionRecords(joint, scene_signals(joint, records.calibrations(capture.views)),
-                                 geometry.scene_geometry(capture), geometry.box_scenes(capture),
+                                 *geometry.scene_geometry(capture), geometry.box_scenes(capture),
                                  each_once(one for view in views for one in view.findings))
 
 

@@ -1,7 +1,7 @@
 """What a chart says of camera and light: curves, light scale, filters, their errors."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated
 
 import numpy as np
@@ -14,21 +14,16 @@ from spectrabox.radiometry.shaped import Record
 @dataclass(frozen=True, eq=False)
 class Filter(Record):
     """A filter before lens or lamp: its transmittance is that of ``transmittance`` times
-    ``calibrate.chart_equations.passed`` of modes @ e, with e standard normal.
+    ``calibrate.chart_equations.passed`` of modes @ e, with e normal about 0: as it was stated, or
+    as chart photos with and without it know it, together with the camera's curves.
     """
 
     name: str
     transmittance: Annotated[np.ndarray, "P"]       # at 400, 401 ... 700 nm; its level is free
     modes: Annotated[np.ndarray, "P E"]             # relative errors
-
-
-@dataclass(frozen=True, eq=False)
-class FittedFilter(Record):
-    """A filter as chart photos with and without it know it, together with the camera's curves."""
-
-    filter: Filter                                  # transmittance: the estimate
-    covariance: Annotated[np.ndarray, "E E"]        # of the modes' coefficients
-    with_curves: Annotated[np.ndarray, "E D"]       # their covariance with the curves' coefficients
+    covariance: Annotated[np.ndarray, "E E"]        # of e
+    # of e with the curves' coefficients; None of a filter as stated: none
+    with_curves: Annotated[np.ndarray, "E D"] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,14 +45,6 @@ class SensitivityFit(Record):
 
 
 @dataclass(frozen=True, eq=False)
-class CommonError(Record):
-    """An error of a light scale that all bands of a photo share."""
-
-    cause: str
-    relative: float                                 # standard error
-
-
-@dataclass(frozen=True, eq=False)
 class LightScale(Record):
     """Factor from a rendered signal, of sensitivities peaking at 1, to that of the photo."""
 
@@ -65,9 +52,8 @@ class LightScale(Record):
     standard_error: float | None                    # of any one band, ``common_errors`` included
     residuals: Annotated[np.ndarray, "R K"] | None  # (photo - scale x rendered) / photo
     source: str
-    common_errors: tuple[CommonError, ...] = ()
-
-
+    # that all bands of a photo share, by cause: relative standard error
+    common_errors: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,4 +180,4 @@ class Calibration(Record):
     light_posterior: LightPosterior | None = None
     products: bool = False                          # whether the light is unknown
     # Of a photo through a filter: ``light`` is then the light that the filter lets pass.
-    filter: FittedFilter | None = None
+    filter: Filter | None = None

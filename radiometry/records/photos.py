@@ -42,7 +42,7 @@ class GainMap(Record):
 
 @dataclass(frozen=True, eq=False)
 class RawFrame(Record):
-    """The mosaic as the sensor gave it, in sensor orientation."""
+    """The mosaic as the sensor gave it, in sensor orientation; of full-colour pixels one colour."""
 
     mosaic: Annotated[np.ndarray, "H W"]            # uint16 DN, visible area
     cfa: Annotated[np.ndarray, "a b"]               # tile from pixel (0, 0): 0 R, 1 G, 2 B

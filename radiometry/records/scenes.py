@@ -182,11 +182,3 @@ class MarkedView(Record):
     marked: Annotated[np.ndarray, "n 2"]
     seen: Annotated[np.ndarray, "n 2"]                      # where the camera sees them
     residuals_px: Annotated[np.ndarray, "n"]
-
-
-@dataclass(frozen=True, eq=False)
-class SceneGeometry(Record):
-    """What was estimated of a scene; empty where everything stands as stated."""
-
-    placements: tuple[Placement, ...]
-    views: tuple[MarkedView, ...]

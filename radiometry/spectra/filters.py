@@ -46,13 +46,15 @@ def stated_filter(name: str, transmittance: np.ndarray,
     passed = np.maximum(transmittance, MIN_TRANSMITTANCE * top)
     deviation = np.minimum(np.hypot(relative_error, STRAY * top / passed), MAX_MODE)
     shift = np.clip(SHIFT_NM * np.gradient(np.log(passed), FINE_GRID.nm), -MAX_MODE, MAX_MODE)
-    return Filter(name, passed, np.column_stack([shift, _smooth_modes(deviation, LENGTH_NM)]))
+    modes = np.column_stack([shift, _smooth_modes(deviation, LENGTH_NM)])
+    return Filter(name, passed, modes, np.eye(modes.shape[1]))
 
 
 def unknown_filter() -> Filter:
     """A filter whose transmittance nobody measured: smooth, of any level."""
-    return Filter(light_words.UNKNOWN, np.full(FINE_GRID.nm.size, UNKNOWN_LEVEL),
-                  _smooth_modes(np.full(FINE_GRID.nm.size, UNKNOWN_SD), UNKNOWN_LENGTH_NM))
+    modes = _smooth_modes(np.full(FINE_GRID.nm.size, UNKNOWN_SD), UNKNOWN_LENGTH_NM)
+    return Filter(light_words.UNKNOWN, np.full(FINE_GRID.nm.size, UNKNOWN_LEVEL), modes,
+                  np.eye(modes.shape[1]))
 
 
 def read_filters(path: Path) -> dict[str, Filter]:

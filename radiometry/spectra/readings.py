@@ -72,3 +72,11 @@ class ReadingSeries(Record):
     quantity: spectra.Quantity
     findings: tuple[Finding, ...]
     calibration_error: Annotated[np.ndarray, "P"]   # of the mean; 0 where no calibration was given
+
+    @property
+    def relative_spread(self) -> float:
+        """Standard deviation of one reading over the mean, over all wavelengths; NaN for a single
+        one.
+        """
+        weights = self.grid.weights_nm
+        return float((self.spread @ weights) / (self.mean @ weights))

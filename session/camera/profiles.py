@@ -86,7 +86,7 @@ def write_profiles(sensitivity: str, camera: str, out: Sequence[Path], light: st
 
 def _own_matrix(photo: Path) -> np.ndarray:
     """The matrix (3, 3) from X, Y, Z by which LibRaw knows the camera of a raw file, or a DNG's."""
-    matrix = decode(photo).camera_from_xyz
+    matrix = decode(photo)[0].camera_from_xyz
     if matrix is None:
         raise InputError(f"{photo.name} states no colour matrix for daylight, and LibRaw has none "
                          "for its camera; leave --raw out")

@@ -38,7 +38,7 @@ def write_colour(config: SessionConfig, run: FinishedRun, folder: Path, space: s
     folder : Path
         Made where it is missing.
     space : str
-        One of ``SPACES``, of the photo.
+        One of ``profile_files.NAMES``, of the photo.
     families : sequence of str
         Of the surfaces; none for those that the session states, if it states one of every region.
 
@@ -75,8 +75,10 @@ def write_colour(config: SessionConfig, run: FinishedRun, folder: Path, space: s
         colour_profiles.relative_signals(photo, signals.flat_photos(capture, records)[0],
                                          signals.known_of_signals(capture, records),
                                          signals.flat_errors(capture, records)),
-        profile.table, profile_files.SPACES[space])
-    write_tiff16(folder / PHOTO, picture, profile_files.SPACES[space].profile)
+        profile.table, space)
+    # a picture in CIELAB says itself what it is
+    write_tiff16(folder / PHOTO, picture, None if space == profile_files.LAB
+                 else profile_files.picture_profile(space))
     reflectances = capture.lit_chart.reflectances
     relative = reflectances @ interreflection.relative_response(calibration, grid.FINE_GRID).T
     glare = records.calibrate.whites[""].glare
@@ -85,7 +87,7 @@ def write_colour(config: SessionConfig, run: FinishedRun, folder: Path, space: s
                                                layout.neutrals,
                                                None if own is None else stated_transform(own))
     facts = {"files": [str(path) for path in (*files, folder / PHOTO, folder / PAGE)],
-             "space": profile_files.SPACES[space].name, "clipped": clipped,
+             "space": profile_files.NAMES[space], "clipped": clipped,
              "delta_e00": profile.facts(),
              "chart": {"mean": float(patches.differences.mean()),
                        "by_own_matrix": _own_mean(patches)},

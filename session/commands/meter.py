@@ -3,8 +3,7 @@ a session, play a recording.
 """
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,9 +15,9 @@ from spectrabox.session.terminal import command_help, command_line
 
 if TYPE_CHECKING:
     from spectrabox.capture.meter.instruments.interface import MeterSettings
-    from spectrabox.capture.meter.measurement_series import SeriesSummary
     from spectrabox.radiometry.chart import Chart
     from spectrabox.radiometry.records.spectra import Spectrum
+    from spectrabox.radiometry.spectra.readings import ReadingSeries
     from spectrabox.session.meters.readers import Source
 
 Port = Annotated[str,
@@ -48,9 +47,12 @@ def register(app: typer.Typer) -> None:
 def list_of_ports() -> command_line.Answer:
     """List the serial ports of this computer, without opening any."""
     from spectrabox.capture.meter.serial_line import list_ports
-    ports = list_ports()
-    lines = [f"{each.port:<16} {each.usb or '':<10} {each.manufacturer or ''} "
-             f"{each.description or ''}" for each in ports]
+    ports = [{"port": each.device, "description": each.description,
+              "manufacturer": each.manufacturer,
+              "usb": None if each.vid is None else f"{each.vid:04x}:{each.pid:04x}",
+              "serial_number": each.serial_number} for each in list_ports()]
+    lines = [f"{each['port']:<16} {each['usb'] or '':<10} {each['manufacturer'] or ''} "
+             f"{each['description'] or ''}" for each in ports]
     return command_line.Answer({"ports": ports},
                   "\n".join(lines) or "no serial ports: plug the instrument in and switch it on")
 
@@ -146,7 +148,7 @@ def measure(
         from spectrabox.capture.meter.measurement_files import png_plot
         png_plot(spectrum, plot)
     return command_line.Answer({"taken": len(readings), "file": written,
-                   "series": [_series_facts(each) for each in series], "png": plot},
+                   "series": [_series_facts(*named) for named in series.items()], "png": plot},
                   _measured_text(written, role, series, spectrum if draw else None))
 
 
@@ -168,21 +170,22 @@ def replay(
     command_line.check_ending(plot, {".png": "a picture of the spectrum"}, "--plot")
     from spectrabox.capture.transcripts import player, sniffed_traffic
     from spectrabox.session.meters.measuring import reading_line, shown_reading
-    played = player.replay_transcript(sniffed_traffic.read_recording(transcript), speed=speed)
-    spectra = [reading.spectrum for reading in played.readings if reading.spectrum is not None]
+    recording = sniffed_traffic.read_recording(transcript)
+    readings, problems = player.replay_transcript(recording, speed=speed)
+    instrument, synthetic = recording.facts["instrument"], "synthetic" in recording.facts
+    spectra = [reading.spectrum for reading in readings if reading.spectrum is not None]
     if plot is not None and spectra:
         from spectrabox.capture.meter.measurement_files import png_plot
         png_plot(spectra[-1], plot)
-    facts = {"instrument": played.instrument, "synthetic": played.synthetic,
-             "problems": list(played.problems),
-             "readings": [shown_reading(reading) for reading in played.readings]}
+    facts: dict[str, Any] = {
+        "instrument": instrument, "synthetic": synthetic, "problems": problems,
+        "readings": [shown_reading(reading) for reading in readings]}
     if out is not None:
-        _write_spectra(out, spectra, f"{played.instrument}, {transcript.name}")
+        _write_spectra(out, spectra, f"{instrument}, {transcript.name}")
         facts["file"] = out
-    lines = [reading_line(number, reading)
-             for number, reading in enumerate(played.readings, 1)]
-    lines += [f"- {problem}" for problem in played.problems]
-    if played.synthetic:
+    lines = [reading_line(number, reading) for number, reading in enumerate(readings, 1)]
+    lines += [f"- {problem}" for problem in problems]
+    if synthetic:
         lines += ["synthetic: built from protocol notes, not recorded from an instrument"]
     if draw and spectra:
         from spectrabox.capture.meter.measurement_files import text_plot
@@ -267,23 +270,28 @@ def _reflects(instrument: str | None, role: str) -> bool:
     return reflects
 
 
-def _series_facts(series: SeriesSummary) -> dict[str, Any]:
-    """For JSON, with the sentences of its findings."""
+def _series_facts(name: str, series: ReadingSeries) -> dict[str, Any]:
+    """For JSON, with the sentences of its findings; None of what a few readings do not tell."""
     from spectrabox.measure import texts
-    return dataclasses.asdict(series) | {
-        "flags": [texts.says(finding) for finding in series.findings],
-        "findings": [texts.facts(finding) for finding in series.findings]}
+    several = series.readings > 1
+    return {
+        "name": name, "readings": series.readings, "quantity": series.quantity.name.lower(),
+        "relative_spread": series.relative_spread if several else None,
+        "relative_drift": series.relative_drift if several else None,
+        "relative_drift_error": series.relative_drift_error if series.readings > 2 else None,
+        "findings": [texts.facts(finding) for finding in series.findings],
+        "flags": [texts.says(finding) for finding in series.findings]}
 
 
-def _measured_text(written: Path, role: str, series: list[SeriesSummary],
+def _measured_text(written: Path, role: str, series: Mapping[str, ReadingSeries],
                    spectrum: Spectrum | None) -> str:
     from spectrabox.measure import texts
     from spectrabox.session.meters.measuring import USES
     lines = []
-    for each in series:
-        spread = "" if each.relative_spread is None else \
+    for name, each in series.items():
+        spread = "" if each.readings < 2 else \
             f", spread {each.relative_spread:.2%}, drift {each.relative_drift:+.2%}"
-        lines.append(f"{each.name}: {each.readings} readings of {each.quantity}{spread}")
+        lines.append(f"{name}: {each.readings} readings of {each.quantity.name.lower()}{spread}")
         lines += [f"- {texts.says(finding)}" for finding in each.findings]
     if spectrum is not None:
         from spectrabox.capture.meter.measurement_files import text_plot

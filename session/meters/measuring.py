@@ -18,7 +18,7 @@ from spectrabox.measure import texts
 from spectrabox.radiometry import errors, files
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum
-from spectrabox.radiometry.spectra.readings import SpectralReading
+from spectrabox.radiometry.spectra.readings import ReadingSeries, SpectralReading
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.session.meters import readers
 
@@ -92,21 +92,17 @@ def write_result(
 
 def series_of_all(
     task: Task, calibrations: Sequence[measurement_series.MeterCalibration]
-) -> list[measurement_series.SeriesSummary]:
-    """Spread, drift and findings of each thing's readings.
+) -> dict[str, ReadingSeries]:
+    """Mean, spread, drift and findings of each thing's readings.
 
     Parameters
     ----------
     task : Task
     calibrations : sequence of MeterCalibration
     """
-    return [
-        measurement_series.series_summary(
-            measurement_series.series_of(
-                measurement_files.stored_readings(
-                    measurement_files.readings_folder(task.spectra, name)), name, calibrations),
-            name) for name in task.names
-    ]
+    return {name: measurement_series.series_of(
+        measurement_files.stored_readings(measurement_files.readings_folder(task.spectra, name)),
+        name, calibrations) for name in task.names}
 
 
 def _calibration_words(readings: Sequence[SpectralReading]) -> str:

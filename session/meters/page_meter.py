@@ -47,7 +47,7 @@ class PageMeter:
     def _ports(self) -> dict[str, str]:
         """Ports that may be opened, and what each is."""
         return {**dict.fromkeys(self._named, ""),
-                **{each.port: each.description or "" for each in serial_line.list_ports()}}
+                **{each.device: each.description or "" for each in serial_line.list_ports()}}
 
     def step(self, port: str, what: str, name: str) -> dict[str, Any]:
         """Calibrate, measure, or wait a moment for the button to be pressed.

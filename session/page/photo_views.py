@@ -17,7 +17,7 @@ from spectrabox.capture.photo.image_writers import write_jpeg, write_png
 from spectrabox.capture.photo.linear import signal_alone, tile_step
 from spectrabox.measure.pictures.shown_photo import PhotoLook, camera_look
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records.photos import LinearImage, RawFrame
+from spectrabox.radiometry.records.photos import LinearImage
 
 MAX_OPEN = 3            # photos kept decoded
 TILE = 512              # px, a side of a tile
@@ -293,8 +293,8 @@ def _kept(known: dict[FileKey, Kept], key: FileKey, make: Callable[[], Kept]) ->
 def _opened(file: PhotoFile) -> OpenPhoto:
     """A raw's signal alone, which takes half the time; any other file as it is opened elsewhere."""
     if not stored_images.is_image_file(file.path):
-        frame = raw.decode(file.path)
-        if isinstance(frame, RawFrame):
+        frame, *further = raw.decode(file.path)
+        if not further:
             signal = preview.turned_array(signal_alone(frame), file.orientation)
             return _open_photo(signal, float(tile_step(frame.cfa, frame.file)),
                                frame.camera_from_xyz)

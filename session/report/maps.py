@@ -3,7 +3,7 @@ lies, and where lamp and cameras were stated to be and where they were found.
 """
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -255,22 +255,23 @@ def _sheet(name: str, height: float) -> svg.Plot:
     return svg.Plot(name, WIDE, height, (0, WIDE), (height, 0), (0, 0, 0, 0))
 
 
-def geometry_section(geometry: scenes.SceneGeometry | None,
-                     previews: Mapping[str, Path]
+def geometry_section(placements: tuple[scenes.Placement, ...],
+                     marked_views: Sequence[scenes.MarkedView], previews: Mapping[str, Path]
                      ) -> tuple[tuple[scenes.Placement, ...], list[tuple[str, Markup]]] | None:
     """What of a scene was estimated, and names of views with the edges as their cameras see them;
     None where nothing was estimated.
 
     Parameters
     ----------
-    geometry : SceneGeometry or None
+    placements : tuple of Placement
+    marked_views : sequence of MarkedView
     previews : mapping
         PNG of each photo by the name of its view.
     """
-    if geometry is None:
+    if not placements:
         return None
-    return geometry.placements, [(view.name, _marks_figure(number, view, previews[view.name]))
-                                 for number, view in enumerate(geometry.views, start=1)]
+    return placements, [(view.name, _marks_figure(number, view, previews[view.name]))
+                        for number, view in enumerate(marked_views, start=1)]
 
 
 @svg.figure("the marks on the photo")

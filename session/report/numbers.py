@@ -14,7 +14,7 @@ from spectrabox.measure.results import (
     scene_result,
     surface_result,
 )
-from spectrabox.radiometry.records.scenes import SceneGeometry, SurfaceAgreement
+from spectrabox.radiometry.records.scenes import SurfaceAgreement
 from spectrabox.radiometry.records.spectra import SpectrumSamples
 from spectrabox.sampling.prior.family_coverage import coverage_facts
 from spectrabox.session.outputs.session_results import SessionResults
@@ -60,7 +60,7 @@ def scene_numbers(result: scene_result.SceneResult) -> dict[str, Any]:
                            "outcome": fit.outcome, "loss_history": fit.loss_history,
                            "pixels_used": int(fit.used.sum()),
                            "pixels": fit.used.size, "white_signal": fit.white_signal},
-        "geometry": None if result.geometry is None else _geometry(result.geometry),
+        "geometry": _geometry(result) if result.placements else None,
         }
 
 
@@ -84,15 +84,15 @@ def _verdict(verdict: rules.Verdict) -> dict[str, Any]:
                          for one in verdict.findings if texts.is_tested(one)]}
 
 
-def _geometry(geometry: SceneGeometry) -> dict[str, Any]:
+def _geometry(result: scene_result.SceneResult) -> dict[str, Any]:
     """What of the scene was estimated."""
     return {"placements": [_fields(one, "what", "how", "unit", "stated", "place", "moved",
-                                   "standard_error") for one in geometry.placements],
+                                   "standard_error") for one in result.placements],
             "views": [{"name": view.name,
                        "corners": [{"corner": corner, "residual_px": residual}
                                    for corner, residual in zip(view.corners, view.residuals_px,
                                                                strict=True)]}
-                      for view in geometry.views]}
+                      for view in result.marked_views]}
 
 
 def _surface(surface: surface_result.SurfaceResult) -> dict[str, Any]:

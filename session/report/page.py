@@ -182,7 +182,8 @@ def _scene_sections(result: scene_result.SceneResult, results: SessionResults,
     return {"agreement": _agreement_section("", fit, result.calibration, result.bands),
             "surface_map": maps.surface_figure("surfaces", fit), "views": views,
             "linked_photo": maps.linked_photo("photo", fit, result.calibration, links),
-            "geometry": maps.geometry_section(result.geometry, results.previews),
+            "geometry": maps.geometry_section(result.placements, result.marked_views,
+                                              results.previews),
             "loss": figures.loss_figure("loss", fit.loss_history)}
 
 

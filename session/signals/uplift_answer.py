@@ -15,6 +15,7 @@ from spectrabox.measure.pictures.photo_white import photo_white, require_camera_
 from spectrabox.radiometry import errors, grid
 from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.spectra.named_spectra import relative_response
+from spectrabox.radiometry.system import strips
 from spectrabox.sampling.prior import mixture
 from spectrabox.session.commands.requests import OBSERVER, UpliftRequest
 from spectrabox.session.signals.signal_options import numbers, response_of_names
@@ -71,11 +72,11 @@ def _is_searched(image: Path) -> bool:
     """Whether a chart is looked for: in a raw photo, which is held whole, and in small files."""
     if not image.is_file() or not stored_images.is_image_file(image):
         return not image.is_dir()
-    rows = _opened(image)
-    return rows.width * rows.height <= MAX_SEARCHED_PX
+    (height, width, _), _ = _opened(image)
+    return width * height <= MAX_SEARCHED_PX
 
 
-def _opened(image: Path) -> image_rows.PictureRows:
+def _opened(image: Path) -> tuple[tuple[int, int, int], strips.ReadRows]:
     try:
         return image_rows.open_rows(image)
     except processed_photos.NotLinearError as error:
@@ -145,11 +146,11 @@ def image_source(request: UpliftRequest) -> uplift.ImageSource:
                          f"{pixel_spectra.GRID_STEP_NM} nm; take 5, 10, 15, 20, 25, 30, 50 or 60")
     uplift.require_side(request.side)
     response = response_of_names(*_camera_and_light(request))
-    image = image_rows.open_encoded(request.image) if request.encoded else _opened(request.image)
-    uplift.require_bands(image.bands, response)
-    white = np.ones(image.bands) if request.white is None \
-        else numbers(request.white, image.bands, "white")
-    return uplift.ImageSource(image, white.astype(np.float32), response,
+    size, read = image_rows.open_encoded(request.image) if request.encoded \
+        else _opened(request.image)
+    uplift.require_bands(size[2], response)
+    white = np.ones(size[2]) if request.white is None else numbers(request.white, size[2], "white")
+    return uplift.ImageSource(size, read, white.astype(np.float32), response,
                               mixture.of_families(mixture.load_prior(), request.family),
                               request.noise, request.side)
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from spectrabox.capture.meter.instruments import interface
 from spectrabox.capture.meter.instruments.instrument_errors import LineFaultError
-from spectrabox.capture.meter.serial_line import LineSettings
 from spectrabox.capture.meter.stated import mean_wavelength, printed, stated_by_xyz
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
@@ -52,7 +51,7 @@ class Cr250(interface.Instrument):
 
     name = "cr250"
     family = "Colorimetry Research CR-250"
-    line_settings = LineSettings(115200)
+    baud = 115200
     errors = ERRORS
 
     def _identity(self) -> interface.Identity:
@@ -74,7 +73,7 @@ class Cr250(interface.Instrument):
             self._set("SyncMode", "2")
             self._set("SyncFreq", f"{wanted.sync_hz:g}")
 
-    def measure(self) -> interface.Measured:
+    def measure(self) -> interface.Ended:
         limit_s = MEASURE_S * self.averages + 10
         self.line.pace.sleep(BETWEEN_S)
         with self.measuring(limit_s):
@@ -82,15 +81,14 @@ class Cr250(interface.Instrument):
         code, _ = self._answer("M", limit_s)
         self.measured()
         if code in OUTCOMES:
-            return interface.Measured(OUTCOMES[code])
+            return OUTCOMES[code], ()
         if code < 0:
             raise self.refused("M", code)
         low = code in (100, 102)
         warnings = (Finding("meter.warning", Severity.NOTE, values={
             "number": code, "meaning": WARNINGS.get(code, "not in the protocol notes")}),
                     ) if code else ()
-        return interface.Measured(ReadingOutcome.LOW_LIGHT if low else ReadingOutcome.MEASURED,
-                                  warnings)
+        return ReadingOutcome.LOW_LIGHT if low else ReadingOutcome.MEASURED, warnings
 
     def read(self) -> interface.HeldResult:
         header = self._ask("RM Spectrum")

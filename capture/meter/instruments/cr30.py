@@ -50,7 +50,7 @@ class Cr30(interface.Instrument):
 
     name = "cr30"
     family = "CR30"
-    line_settings = serial_line.LineSettings(9600)
+    baud = 9600
     errors = MappingProxyType({})
     quantities = (Quantity.REFLECTANCE,)
     checks_bytes = True
@@ -73,7 +73,7 @@ class Cr30(interface.Instrument):
     def pressed(self, limit_s: float) -> bool:
         return self.line.await_bytes(limit_s)
 
-    def measure(self) -> interface.Measured:
+    def measure(self) -> interface.Ended:
         if self.by_button:
             header = self._packet(HEADER, MEASURE_S)
         else:
@@ -87,7 +87,7 @@ class Cr30(interface.Instrument):
             raise instrument_errors.UntrustedReadingError(
                 f"{self.line.name}: the instrument states {nm.size} bands from {nm[0]:g} to "
                 f"{nm[-1]:g} nm; known are {BANDS_NM.size} from 400 to 700 nm")
-        return interface.Measured(ReadingOutcome.MEASURED)
+        return ReadingOutcome.MEASURED, ()
 
     def read(self) -> interface.HeldResult:
         packets = [self._exchange(part, REPLY_S) for part in PARTS]

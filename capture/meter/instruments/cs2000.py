@@ -10,7 +10,7 @@ import re
 
 import numpy as np
 
-from spectrabox.capture.meter import serial_line, stated
+from spectrabox.capture.meter import stated
 from spectrabox.capture.meter.instruments import instrument_errors, interface
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
@@ -45,7 +45,8 @@ class Cs2000(interface.Instrument):
 
     name = "cs2000"
     family = "Konica Minolta CS-2000"
-    line_settings = serial_line.LineSettings(115200, rtscts=True)
+    baud = 115200
+    rtscts = True
     errors = ERRORS
     announced = False                   # the duration of the measurement under way
 
@@ -69,14 +70,14 @@ class Cs2000(interface.Instrument):
             self._remember("SCMS", "SCMR")
             self._ask(f"SCMS,1,{round(wanted.sync_hz * 100)}")
 
-    def measure(self) -> interface.Measured:
+    def measure(self) -> interface.Ended:
         with self.measuring(ANNOUNCE_S):
             self.announced = False
             self.line.write(b"MEAS,1\n")
         code, duration = self._reply("MEAS,1", ANNOUNCE_S)
         if code in OUTCOMES:
             self.measured()
-            return interface.Measured(OUTCOMES[code])
+            return OUTCOMES[code], ()
         self.announced = True
         announced = self.numbers(duration, 1)[0]
         if not 0 <= announced <= 300:
@@ -90,9 +91,8 @@ class Cs2000(interface.Instrument):
                 "OK00; measure again")
         self.measured()
         if code in OUTCOMES:
-            return interface.Measured(OUTCOMES[code])
-        return interface.Measured(ReadingOutcome.LOW_LIGHT if announced >= LONG_S
-                        else ReadingOutcome.MEASURED)
+            return OUTCOMES[code], ()
+        return (ReadingOutcome.LOW_LIGHT if announced >= LONG_S else ReadingOutcome.MEASURED), ()
 
     def read(self) -> interface.HeldResult:
         conditions = self._ask("MEDR,0,0,1")

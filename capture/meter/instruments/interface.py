@@ -34,6 +34,8 @@ RANGE_NM = (100, 3000)
 RESTORE_TRIES = 3
 RESTORE_S = 3.0             # for the answer to a command that puts a setting back
 ANSWER_S = 10.0             # for the answer to a command after which the work was broken off
+# how a measurement ended, and what to beware of
+Ended = tuple[ReadingOutcome, tuple[Finding, ...]]
 UNITS = {0: Quantity.RADIANCE, 1: Quantity.IRRADIANCE}
 
 
@@ -55,14 +57,6 @@ class MeterSettings:
     sync_hz: float | None = None
 
 
-@dataclass(frozen=True)
-class Measured:
-    """How a measurement ended; the instrument holds the result to be read."""
-
-    outcome: ReadingOutcome
-    findings: tuple[Finding, ...] = ()
-
-
 @dataclass(frozen=True, eq=False)
 class HeldResult:
     """One reading of the held result; ``raw`` are the replies, to compare with a second reading."""
@@ -81,7 +75,9 @@ class Instrument(abc.ABC):
 
     name: str  # as the operator names it
     family: str  # as a sentence names it
-    line_settings: serial_line.LineSettings
+    baud: int
+    rtscts = False
+    character_pause_s = 0.0  # after each that is sent
     errors: Mapping[int, str]  # sentences by the instrument's own codes
     quantities: tuple[Quantity, ...] = (Quantity.RADIANCE, Quantity.IRRADIANCE)
     checks_bytes = False  # its replies have a check byte: one reading is enough
@@ -126,8 +122,8 @@ class Instrument(abc.ABC):
         """
 
     @abc.abstractmethod
-    def measure(self) -> Measured:
-        """Measure once; blocks until the instrument reports the end."""
+    def measure(self) -> Ended:
+        """Measure once; blocks until the instrument reports the end, and holds the result."""
 
     @abc.abstractmethod
     def read(self) -> HeldResult:

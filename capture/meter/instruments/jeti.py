@@ -93,7 +93,7 @@ class Jeti(interface.Instrument):
         if not re.search(self.models, reply, re.IGNORECASE):
             raise self.wrong(reply)
 
-    def _measure(self, command: str) -> interface.Measured:
+    def _measure(self, command: str) -> interface.Ended:
         """How a measurement ended, once it has: acknowledged, then a bell."""
         limit_s = 20 + self.averages * 2 * EXPOSURE_S
         with self.measuring(limit_s):
@@ -107,7 +107,7 @@ class Jeti(interface.Instrument):
         self.measured()
         if code and code not in OUTCOMES:
             raise self.refused(command, code)
-        return interface.Measured(OUTCOMES.get(code, ReadingOutcome.MEASURED))
+        return OUTCOMES.get(code, ReadingOutcome.MEASURED), ()
 
     def _text(self, reply: bytes) -> str:
         return serial_line.ascii_text(reply, self.line.name).strip()
@@ -197,7 +197,7 @@ class Specbos1211(Jeti):
     family = "JETI specbos 1211"
     speeds = (921600, 115200, 38400)
     models = r"SB05|SB12|JETI_SB|SPECTROCAL"
-    line_settings = serial_line.LineSettings(speeds[0])
+    baud = speeds[0]
 
     def _identity(self) -> interface.Identity:
         identity = super()._identity()
@@ -220,7 +220,7 @@ class Specbos1211(Jeti):
         for command in commands:
             self._set_to(command)
 
-    def measure(self) -> interface.Measured:
+    def measure(self) -> interface.Ended:
         return self._measure("*INIT")
 
     def read(self) -> interface.HeldResult:
@@ -290,7 +290,7 @@ class Specbos2501(Jeti):
     family = "JETI specbos 2501"
     speeds = (921600, 115200)
     models = r"SDCM3|DCM3_JETI|PECFIRM_JETI|SB25"  # the first letter of SPECFIRM is sometimes lost
-    line_settings = serial_line.LineSettings(speeds[0])
+    baud = speeds[0]
 
     def settings(self, wanted: interface.MeterSettings) -> None:
         self.integration_ms = wanted.integration_ms
@@ -300,7 +300,7 @@ class Specbos2501(Jeti):
             self._set("syncmod", "1")
             self._set("syncfreq", f"{wanted.sync_hz:g}")
 
-    def measure(self) -> interface.Measured:
+    def measure(self) -> interface.Ended:
         return self._measure(f"*MEAS:LIGHT {self.integration_ms or 0:g} {self.averages} 0")
 
     def read(self) -> interface.HeldResult:

@@ -12,7 +12,6 @@ import re
 
 from spectrabox.capture.meter.instruments import interface
 from spectrabox.capture.meter.instruments.instrument_errors import LineFaultError, NoReplyError
-from spectrabox.capture.meter.serial_line import LineSettings
 from spectrabox.capture.meter.stated import printed, stated_by_xyz
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
 
@@ -43,7 +42,8 @@ class Pr650(interface.Instrument):
 
     name = "pr650"
     family = "Photo Research PR-650"
-    line_settings = LineSettings(9600, pace_s=0.01)
+    baud = 9600
+    character_pause_s = 0.01
     errors = ERRORS
 
     def _identity(self) -> interface.Identity:
@@ -61,7 +61,7 @@ class Pr650(interface.Instrument):
         if code:
             raise self.refused("S", code)
 
-    def measure(self) -> interface.Measured:
+    def measure(self) -> interface.Ended:
         limit_s = 30 + self.averages * 2 * EXPOSURE_S
         with self.measuring(limit_s):
             self.line.write(b"m0\n")
@@ -69,7 +69,7 @@ class Pr650(interface.Instrument):
         self.measured()
         if code and code not in OUTCOMES:
             raise self.refused("m0", code)
-        return interface.Measured(OUTCOMES.get(code, ReadingOutcome.MEASURED))
+        return OUTCOMES.get(code, ReadingOutcome.MEASURED), ()
 
     def read(self) -> interface.HeldResult:
         grid = self._ask("d120")

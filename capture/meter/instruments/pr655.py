@@ -10,7 +10,6 @@ import re
 
 from spectrabox.capture.meter.instruments import interface
 from spectrabox.capture.meter.instruments.instrument_errors import LineFaultError
-from spectrabox.capture.meter.serial_line import LineSettings
 from spectrabox.capture.meter.stated import printed, stated_by_xyz
 from spectrabox.radiometry.spectra.readings import ReadingOutcome
 
@@ -36,7 +35,8 @@ class Pr655(interface.Instrument):
 
     name = "pr655"
     family = "Photo Research PR-655"
-    line_settings = LineSettings(9600, pace_s=0.05)
+    baud = 9600
+    character_pause_s = 0.05
     errors = ERRORS
 
     def _identity(self) -> interface.Identity:
@@ -71,7 +71,7 @@ class Pr655(interface.Instrument):
             self._set("SS3", "SS0")
             self._set(_sync_frequency(wanted.sync_hz), _sync_frequency(float(frequency[1])))
 
-    def measure(self) -> interface.Measured:
+    def measure(self) -> interface.Ended:
         limit_s = 10 + self.averages * EXPOSURES * MAX_EXPOSURE_S
         with self.measuring(limit_s):
             self.line.write(b"M1\r")
@@ -80,10 +80,10 @@ class Pr655(interface.Instrument):
         if code in OUTCOMES:
             self.line.send(b"C\r")  # clears the error state; whether it is answered is not known
             self.line.drain(0.3)
-            return interface.Measured(OUTCOMES[code])
+            return OUTCOMES[code], ()
         if code:
             raise self.refused("M1", code)
-        return interface.Measured(ReadingOutcome.MEASURED)
+        return ReadingOutcome.MEASURED, ()
 
     def read(self) -> interface.HeldResult:
         grid = self._ask("D120")

@@ -59,12 +59,8 @@ class TextTable:
     notes: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class _Block:
-    layout: tuple[str, str]
-    lines: list[int]            # indices of its lines in the text
-    cells: list[list[str]]
-    score: float
+Layout = tuple[str, str]        # delimiter, decimal mark
+_Block = dict[int, list[str]]   # cells of each row, by the index of its line in the text
 
 
 def cells_of(line: str, delimiter: str) -> list[str]:
@@ -114,35 +110,36 @@ def find_table(lines: Sequence[str], name: str) -> TextTable:
     InputError
         If there is none, or a line within it is none of its rows.
     """
-    block = _longest_block(lines, name)
-    notes = _after_and_before(lines, block, name)
-    width = max(len(row) for row in block.cells)
-    header, unit_row = _header(lines, block, width)
-    decimal = block.layout[1]
-    numbers = np.full((len(block.cells), width), np.nan)
-    for row, cells in enumerate(block.cells):
+    layout, block = _longest_block(lines, name)
+    notes = _after_and_before(lines, block, layout, name)
+    width = max(len(row) for row in block.values())
+    header, unit_row = _header(lines, min(block), layout, width)
+    decimal = layout[1]
+    numbers = np.full((len(block), width), np.nan)
+    for row, cells in enumerate(block.values()):
         numbers[row, 0] = axis_number(cells[0], decimal)
         numbers[row, 1:len(cells)] = [number(cell, decimal) for cell in cells[1:]]
     if not np.isfinite(numbers[:, 1:]).any():
         raise InputError(f"{name} holds no table of wavelengths and values; beside the "
                          f"first cells of its {len(numbers)} rows it holds no numbers")
-    _refuse_split_decimals(block, name)
-    inside = set(block.lines)
-    around = [line for index, line in enumerate(lines) if index not in inside]
+    if layout == (",", "."):
+        _refuse_split_decimals(block, name)
+    around = [line for index, line in enumerate(lines) if index not in block]
     return TextTable(numbers, header, unit_row, _percent_columns(block, width),
                      _stated(around, STATED_X), _stated(around, STATED_Y), notes)
 
 
-def _longest_block(lines: Sequence[str], name: str) -> _Block:
+def _longest_block(lines: Sequence[str], name: str) -> tuple[Layout, _Block]:
     candidates = [index for index, line in enumerate(lines) if FIRST_NUMBER.match(line)]
-    best: _Block | None = None
+    best: tuple[Layout, _Block] | None = None
+    best_score = 0.0
     for delimiter, decimal in LAYOUTS:
         if delimiter != BLANKS and not any(delimiter in lines[index] for index in candidates):
             continue
-        for block in _blocks(lines, candidates, (delimiter, decimal)):
-            if best is None or block.score > best.score + 1e-9:
-                best = _without_edges(block)
-    if best is None or len(best.lines) < 2:
+        for block, score in _blocks(lines, candidates, (delimiter, decimal)):
+            if best is None or score > best_score + 1e-9:
+                best, best_score = ((delimiter, decimal), _without_edges(block, decimal)), score
+    if best is None or len(best[1]) < 2:
         single = sum(number(lines[index]) == number(lines[index]) for index in candidates)
         raise InputError(f"{name} holds no table of wavelengths and values; " + (
             f"its {single} lines of one number lack the wavelengths: put them in a first column"
@@ -151,36 +148,36 @@ def _longest_block(lines: Sequence[str], name: str) -> _Block:
 
 
 def _blocks(lines: Sequence[str], candidates: Sequence[int],
-            layout: tuple[str, str]) -> list[_Block]:
-    """Runs of rows in one layout; empty lines and comment lines do not end one."""
-    blocks: list[_Block] = []
-    indices: list[int] = []
-    rows: list[list[str]] = []
+            layout: Layout) -> list[tuple[_Block, float]]:
+    """Runs of rows in one layout, each with the sum of its numeric shares; empty lines and comment
+    lines do not end one.
+    """
+    blocks: list[tuple[_Block, float]] = []
+    rows: _Block = {}
     score = 0.0
     for index in candidates:
         cells = cells_of(lines[index], layout[0])
         share = _numeric_share(cells, layout[1])
         if layout[0] == BLANKS and share < MIN_SHARE:       # prose that begins with a number
             share = 0.0
-        if indices and (share == 0 or any(_ends_a_table(lines[between]) for between in
-                                          range(indices[-1] + 1, index))):
-            blocks.append(_Block(layout, indices, rows, score))
-            indices, rows, score = [], [], 0.0
+        if rows and (share == 0 or any(_ends_a_table(lines[between]) for between in
+                                       range(next(reversed(rows)) + 1, index))):
+            blocks.append((rows, score))
+            rows, score = {}, 0.0
         if share > 0:
-            indices.append(index)
-            rows.append(cells)
+            rows[index] = cells
             score += share
-    return [*blocks, _Block(layout, indices, rows, score)] if indices else blocks
+    return [*blocks, (rows, score)] if rows else blocks
 
 
-def _without_edges(block: _Block) -> _Block:
+def _without_edges(block: _Block, decimal: str) -> _Block:
     """A block without lines of numbers of the preamble right above it, or of a trailer below.
 
     They have another number of cells, or lie against the order of the axis or far off it.
     """
-    widths = [len(row) for row in block.cells]
+    widths = [len(row) for row in block.values()]
     width = max(set(widths), key=widths.count)
-    axis = np.array([axis_number(row[0], block.layout[1]) for row in block.cells])
+    axis = np.array([axis_number(row[0], decimal) for row in block.values()])
     first, last = 0, len(axis)
     if len(axis) >= MIN_TRIMMED:
         steps = np.diff(axis)
@@ -191,9 +188,7 @@ def _without_edges(block: _Block) -> _Block:
         first = 1 + max(off_edge, default=-1)
         last -= max((at for at in range(1, MAX_EDGE) if against[-at]
                      or size[-at] > FAR_OFF * size[-at - 1]), default=0)
-    if last - first == len(axis):
-        return block
-    return _Block(block.layout, block.lines[first:last], block.cells[first:last], block.score)
+    return dict(list(block.items())[first:last])
 
 
 def _ends_a_table(line: str) -> bool:
@@ -208,7 +203,8 @@ def _numeric_share(cells: Sequence[str], decimal: str) -> float:
     return (1 + sum(values)) / len(cells) if any(values) else 0.01
 
 
-def _after_and_before(lines: Sequence[str], block: _Block, name: str) -> tuple[str, ...]:
+def _after_and_before(lines: Sequence[str], block: _Block, layout: Layout,
+                      name: str) -> tuple[str, ...]:
     """Notes on other tables of the text.
 
     Raises
@@ -216,48 +212,48 @@ def _after_and_before(lines: Sequence[str], block: _Block, name: str) -> tuple[s
     InputError
         Where one goes on with this one: a line between them is damaged.
     """
-    axis = np.array([axis_number(row[0], block.layout[1]) for row in block.cells])
+    delimiter, decimal = layout
+    first, last = min(block), max(block)
+    axis = np.array([axis_number(row[0], decimal) for row in block.values()])
     step = float(np.median(np.diff(axis)))
-    following = cells_of(lines[block.lines[-1] + 1], block.layout[0]) \
-        if block.lines[-1] + 1 < len(lines) else []
-    if len(following) == len(block.cells[-1]) and THOUSAND.fullmatch(following[0]):
+    following = cells_of(lines[last + 1], delimiter) if last + 1 < len(lines) else []
+    if len(following) == len(block[last]) and THOUSAND.fullmatch(following[0]):
         raise InputError(f"{name}: {following[0]!r} stands where a wavelength is needed (line "
-                         f"{block.lines[-1] + 2}); write it without a mark between thousands")
+                         f"{last + 2}); write it without a mark between thousands")
     notes = []
     candidates = [index for index, line in enumerate(lines) if FIRST_NUMBER.match(line)
-                  and not block.lines[0] <= index <= block.lines[-1]]
-    width = len(block.cells[0])
-    for other in _blocks(lines, candidates, block.layout):
-        start = axis_number(other.cells[0][0], block.layout[1])
-        end = axis_number(other.cells[-1][0], block.layout[1])
-        after = other.lines[0] > block.lines[-1]
-        gap = start - axis[-1] if after else axis[0] - end
-        if len(other.cells[0]) == width and step and 0 < gap / step <= CONTINUES:
-            between = range(block.lines[-1] + 1, other.lines[0]) if after else \
-                range(other.lines[-1] + 1, block.lines[0])
+                  and not first <= index <= last]
+    for other, _ in _blocks(lines, candidates, layout):
+        begins, ends = min(other), max(other)
+        after = begins > last
+        gap = axis_number(other[begins][0], decimal) - axis[-1] if after else \
+            axis[0] - axis_number(other[ends][0], decimal)
+        if len(other[begins]) == len(block[first]) and step and 0 < gap / step <= CONTINUES:
+            between = range(last + 1, begins) if after else range(ends + 1, first)
             broken = next((index for index in between if _ends_a_table(lines[index])), None)
             if broken is not None:
-                text = cells_of(lines[broken], block.layout[0])
+                text = cells_of(lines[broken], delimiter)
                 raise InputError(
                     f"{name}: {(text[0] if text else '')[:60]!r} stands where a wavelength is "
                     f"needed (line {broken + 1}); correct it, or take the line out")
-        if len(other.lines) >= MIN_SECOND_TABLE:
-            notes.append(f"another table of {len(other.lines)} rows, from line "
-                         f"{other.lines[0] + 1} on, was left out")
+        if len(other) >= MIN_SECOND_TABLE:
+            notes.append(f"another table of {len(other)} rows, from line {begins + 1} on, was left "
+                         "out")
     return tuple(notes[:3])
 
 
-def _header(lines: Sequence[str], block: _Block, width: int) -> tuple[list[str], list[str]]:
+def _header(lines: Sequence[str], first: int, layout: Layout,
+            width: int) -> tuple[list[str], list[str]]:
     """Names of the columns and the row of their units, of the lines above the numbers."""
     rows: list[list[str]] = []
-    index = block.lines[0] - 1
+    index = first - 1
     while index >= 0 and len(rows) < HEADER_ROWS:
         line = lines[index]
         index -= 1
         if not line.strip():
             continue
         comment = line.lstrip().startswith("#") and re.match(r"\s*#\s*[\w ]+:", line) is not None
-        cells = [] if comment else _header_cells(line, block, width, nearest=not rows)
+        cells = [] if comment else _header_cells(line, layout, width, nearest=not rows)
         if not cells:
             if line.lstrip().startswith("#"):
                 continue
@@ -269,13 +265,13 @@ def _header(lines: Sequence[str], block: _Block, width: int) -> tuple[list[str],
     return (rows[0] if rows else []), []
 
 
-def _header_cells(line: str, block: _Block, width: int, nearest: bool) -> list[str]:
+def _header_cells(line: str, layout: Layout, width: int, nearest: bool) -> list[str]:
     """The cells of a line that names columns; none of a line that does not.
 
     The line next to the numbers may name fewer or more columns than there are.
     """
     text = COMMENT.sub("", line, count=1) if COMMENT.match(line) else line
-    delimiter, decimal = block.layout
+    delimiter, decimal = layout
     own = cells_of(text, delimiter) if delimiter != BLANKS else []
     if len(own) == width and not _is_row(own, decimal):
         return own
@@ -308,17 +304,15 @@ def _is_unit_row(cells: Sequence[str]) -> bool:
 
 def _refuse_split_decimals(block: _Block, name: str) -> None:
     """Refuse decimal commas between commas: 400,0,05012 reads as 5012."""
-    if block.layout == (",", "."):
-        split = next((cell for row in block.cells for cell in row[1:]
-                      if re.fullmatch(r"0\d+", cell)), None)
-        if split is not None and not any("." in cell for row in block.cells for cell in row):
-            raise InputError(f"{name} has cells such as {split!r}: a decimal comma cannot be told "
-                             "from the commas between columns; export with semicolons or decimal "
-                             "points")
+    split = next((cell for row in block.values() for cell in row[1:]
+                  if re.fullmatch(r"0\d+", cell)), None)
+    if split is not None and not any("." in cell for row in block.values() for cell in row):
+        raise InputError(f"{name} has cells such as {split!r}: a decimal comma cannot be told from "
+                         "the commas between columns; export with semicolons or decimal points")
 
 
 def _percent_columns(block: _Block, width: int) -> list[bool]:
-    columns = [[row[column] for row in block.cells if column < len(row)
+    columns = [[row[column] for row in block.values() if column < len(row)
                 and row[column].lower() not in MISSING] for column in range(width)]
     return [bool(cells) and all(cell.endswith("%") for cell in cells) for cells in columns]
 
