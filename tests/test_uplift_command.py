@@ -56,10 +56,10 @@ def layers(path):
 def test_the_files_hold_the_spectra_of_the_table(tmp_path):
     image = picture()
     facts = answer(tmp_path, image)
-    table, = build_tables(load_prior(), response_of_names(CAMERA, LIGHT),
-                          lambda signals: [relative_errors(signals, 0.01)],
-                          np.ones((SIDE,) * 3, bool))
-    mean, spread = uplift_pixels(table, image.reshape(-1, 3))
+    [table], row = build_tables(load_prior(), response_of_names(CAMERA, LIGHT),
+                                lambda signals: [relative_errors(signals, 0.01)],
+                                np.ones((SIDE,) * 3, bool))
+    mean, spread = uplift_pixels(table, row, image.reshape(-1, 3))
     for name, values, step in (("mean", mean, 2), ("standard_deviation", spread, 4)):
         kept, channels = layers(facts[name])
         assert channels == [f"T.{nm:g},000000nm" for nm in PRIOR_GRID.nm[::step]]

@@ -58,9 +58,9 @@ def main() -> None:
     as_published, ours = (SpectralMeasurement(GRID, camera_response(), answer.signal[0],
                                               np.zeros((3, 3)))
                           for answer in found)
-    box = sample_per_axis(spline_operator(as_published, COEFFICIENTS),
-                          np.clip(found[0].coefficients[0], 0, 1), DRAWS, 0)
-    spectra = box.coefficients @ basis_matrix(PRIOR_GRID.nm, COEFFICIENTS).T
+    box, _ = sample_per_axis(spline_operator(as_published, COEFFICIENTS),
+                             np.clip(found[0].coefficients[0], 0, 1), DRAWS, 0)
+    spectra = box @ basis_matrix(PRIOR_GRID.nm, COEFFICIENTS).T
     best = best_by_signals(spectra[:, [0, 60]], np.interp((400.0, 700.0), GRID.nm, truth),
                             KEPT)
     draws = {("paper", False): spectra, ("paper", True): spectra[best]}

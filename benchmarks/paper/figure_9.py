@@ -92,7 +92,7 @@ def judge_picture(regions: Sequence[np.ndarray], nm: np.ndarray, names: Sequence
         for method in tuple(METHODS)[::-1]:
             spectra = draw_spectra(measurement, method, SAMPLES, SEED, COEFFICIENTS, prior).spectra
             by_method[method] = (spectra.mean(axis=0), spectra)
-        scored += [ScoredSpectrum(name, method, judged(PRIOR_GRID.nm, truth, mean, LIGHTS, draws))
+        scored += [(name, method, judged(PRIOR_GRID.nm, truth, mean, LIGHTS, draws))
                    for method, (mean, draws) in by_method.items()]
     return Judgement(list(regions), scored, averaged(scored))
 
@@ -100,14 +100,14 @@ def judge_picture(regions: Sequence[np.ndarray], nm: np.ndarray, names: Sequence
 def averaged(rows: Sequence[ScoredSpectrum]) -> list[ScoredSpectrum]:
     """One row a method: its scores averaged over the regions."""
     averages = []
-    for method in dict.fromkeys(row.method for row in rows):
-        mine = [asdict(row.scores) for row in rows if row.method == method]
+    for method in dict.fromkeys(method for _, method, _ in rows):
+        mine = [asdict(scores) for _, one, scores in rows if one == method]
         means: dict[str, Any] = {
             key: float(np.mean([one[key] for one in mine]))
             for key in ("rmse", "spectral_angle", "rmse_best_scale", *dict(BAND_SCORES))}
         means["delta_e00"] = {light: float(np.mean([one["delta_e00"][light] for one in mine]))
                               for light in LIGHTS}
-        averages.append(ScoredSpectrum(f"mean of {len(mine)}", method, SpectrumScores(**means)))
+        averages.append((f"mean of {len(mine)}", method, SpectrumScores(**means)))
     return averages
 
 

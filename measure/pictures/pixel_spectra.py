@@ -273,19 +273,17 @@ def plan_spectra(source: PixelSource, kept: KeptWavelengths, survey: Survey,
     done = 0
     for light, wanted in enumerate(survey.points):
         own = int(wanted.sum())
-        uplifted = uplift_table.build_tables(
+        uplifted, row = uplift_table.build_tables(
             source.prior, source.responses[light], partial(source.table_errors, light), wanted,
             lambda share, done=done, own=own: progress(     # type: ignore[misc]
                 (done + share * own) / points), map_parts)
         smallest, *larger = (_columns(table, kept) for table in uplifted)
-        tables.append(LightTable(uplifted[0].row, smallest,
-                                 larger[0] - smallest if larger else None))
+        tables.append(LightTable(row, smallest, larger[0] - smallest if larger else None))
         done += own
     return SpectraPlan(kept, tuple(tables))
 
 
-def _columns(uplifted: uplift_table.Uplifted | uplift_table.UpliftTable,
-             kept: KeptWavelengths) -> np.ndarray:
+def _columns(uplifted: uplift_table.Uplifted, kept: KeptWavelengths) -> np.ndarray:
     """Mean, standard deviation and novelty side by side."""
     return np.hstack([uplifted.mean[:, kept.mean], uplifted.standard_deviation[:, kept.deviation],
                       uplifted.novelty[:, None]])

@@ -44,23 +44,13 @@ class Uplifted:
     novelty: np.ndarray          # (n,) beyond 1 the prior was learnt from none like it
 
 
-@dataclass(frozen=True)
-class UpliftTable:
-    """Mean and standard deviation (L, 61), and novelty (L,), at L points of the lattice."""
-
-    mean: np.ndarray
-    standard_deviation: np.ndarray
-    novelty: np.ndarray
-    row: np.ndarray             # (side, side, side) of each point, -1 where it was left out
-    relative_response: np.ndarray
-
-
 def build_tables(prior: mixture.LogitMixture, relative_response: np.ndarray,
                  errors: Callable[[np.ndarray], list[Errors]], wanted: np.ndarray,
                  progress: Progress = lambda share: None,
-                 map_parts: MapParts = map) -> list[UpliftTable]:
-    """The posterior of three-band signals on a lattice, 1000 to 2000 points a second, for several
-    errors; each table after the first takes half the time.
+                 map_parts: MapParts = map) -> tuple[list[Uplifted], np.ndarray]:
+    """The posterior of three-band signals at L points of a lattice, 1000 to 2000 points a second,
+    in single precision for several errors, and the row (side, side, side) of each point in these
+    tables, -1 where it was left out; each table after the first takes half the time.
 
     Parameters
     ----------
@@ -87,11 +77,11 @@ def build_tables(prior: mixture.LogitMixture, relative_response: np.ndarray,
     signals, same = np.unique(lattice(len(wanted))[wanted], axis=0, return_inverse=True)
     row = np.full(wanted.shape, -1, dtype=np.int32)
     row[wanted] = same.ravel()
-    return [UpliftTable(uplifted.mean.astype(np.float32),
-                        uplifted.standard_deviation.astype(np.float32),
-                        uplifted.novelty.astype(np.float32), row, relative_response)
+    return [Uplifted(uplifted.mean.astype(np.float32),
+                     uplifted.standard_deviation.astype(np.float32),
+                     uplifted.novelty.astype(np.float32))
             for uplifted in _uplifted(prior, relative_response, signals, errors(signals), progress,
-                                  TABLE_TOLERANCE, map_parts)]
+                                      TABLE_TOLERANCE, map_parts)], row
 
 
 def lattice(side: int) -> np.ndarray:
@@ -194,18 +184,21 @@ def points_around(signals: np.ndarray, side: int) -> np.ndarray:
     return wanted[:side, :side, :side]
 
 
-def uplift_pixels(table: UpliftTable, signals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def uplift_pixels(table: Uplifted, row: np.ndarray,
+                  signals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mean and standard deviation (n, 61), single precision, of signals (n, 3) from the table.
 
     Signals outside [0, 1] are taken at its edge; see `outside` for which they were.
 
     Parameters
     ----------
-    table : UpliftTable
-        With all `points_around` the signals.
+    table : Uplifted
+        One of `build_tables`, with all `points_around` the signals.
+    row : (side, side, side) array
+        Of each point of the lattice in the table.
     signals : (n, 3) array
     """
-    weights = interpolation(table.row, len(table.mean), signals)
+    weights = interpolation(row, len(table.mean), signals)
     return weights @ table.mean, weights @ table.standard_deviation
 
 
