@@ -143,12 +143,12 @@ def table_row(side: int) -> dict[str, float]:
                                 lambda signals: [relative_errors(signals, NOISE_OF_TABLE)],
                                 np.ones((side,) * 3, bool))
     signals = spectra @ one.relative_response.T
-    direct = uplift_signals(prior, one.relative_response, signals,
-                            relative_errors(signals, NOISE_OF_TABLE))
+    exact_mean, exact_spread, _ = uplift_signals(prior, one.relative_response, signals,
+                                                 relative_errors(signals, NOISE_OF_TABLE))
     mean, spread = uplift_pixels(table, row, signals)
-    return {"side": side, "mean": float(np.sqrt(np.mean((mean - direct.mean)**2))),
-            "standard_deviation": float(np.sqrt(np.mean((spread - direct.standard_deviation)**2))
-                                        / direct.standard_deviation.mean())}
+    return {"side": side, "mean": float(np.sqrt(np.mean((mean - exact_mean)**2))),
+            "standard_deviation": float(np.sqrt(np.mean((spread - exact_spread)**2))
+                                        / exact_spread.mean())}
 
 
 def main() -> None:

@@ -285,8 +285,8 @@ def plan_spectra(source: PixelSource, kept: KeptWavelengths, survey: Survey,
 
 def _columns(uplifted: uplift_table.Uplifted, kept: KeptWavelengths) -> np.ndarray:
     """Mean, standard deviation and novelty side by side."""
-    return np.hstack([uplifted.mean[:, kept.mean], uplifted.standard_deviation[:, kept.deviation],
-                      uplifted.novelty[:, None]])
+    mean, deviation, novelty = uplifted
+    return np.hstack([mean[:, kept.mean], deviation[:, kept.deviation], novelty[:, None]])
 
 
 def _local_tables(source: PixelSource, kept: KeptWavelengths, survey: Survey,
