@@ -107,33 +107,13 @@ def posterior_of_curves(photos: list[chart_equations.ChartEquations], prior: Cam
     """
     basis = interpolation_matrix(prior.nm, grid.nm)
     designs = _designs(photos, basis)
-    own_noises = np.array([
-        chart_equations.noise_of_photos(photos, chart_equations.PatchError(own))
-        for own in model_errors
-    ])
-    patterns = chart_equations.common_patterns(photos)
-    spreads = prior.covariances()
     # a prior without cameras knows nothing of gains either
     gains = GAINS if prior.between.size else ((0.0, 1.0),)
-    guess = None
-    models: list[Linearised] = []
-    log_weights = []
     # the last component first: it is the widest, and where it ends the others are nearly done
     choices = list(product(range(len(prior.weights))[::-1], gains))
-    for family, (gain_sd, share) in choices:
-        covariance, start = _joint_prior(prior, spreads[prior.level[family]], family, gain_sd,
-                                         photos, designs)
-        jacobian, linear, guess = _linearise(photos, designs, start, covariance, prior, guess)
-        projected = _project(jacobian, _project(jacobian, covariance, prior).T, prior)
-        models.append((start, covariance, jacobian, linear))
-        log_share = float(np.log(prior.weights[family] * share))
-        log_weights.append([[log_share + log_density for log_density in log_densities(
-            projected + own_noise, linear - jacobian @ start, patterns,
-            chart_equations.COMMON_ERRORS)] for own_noise in own_noises])
-
+    models, logs = _linear_models(photos, designs, prior, choices, model_errors)
     errors = [chart_equations.PatchError(own, common)
               for own, common in product(model_errors, chart_equations.COMMON_ERRORS)]
-    logs = np.array(log_weights).reshape(len(models), len(errors))
     if not np.isfinite(logs.max()):
         raise CalibrationError("the signals of the patches span too many orders of magnitude to be "
                                "fitted; check the photo's black level and that the patches are "
@@ -160,6 +140,34 @@ def posterior_of_curves(photos: list[chart_equations.ChartEquations], prior: Cam
         best_family, best_gain_sd, errors[best_error], float(widening[best]),
         tuple(light for _, light in designs) if any(light.terms.size for _, light in designs)
         else ())
+
+
+def _linear_models(photos: list[chart_equations.ChartEquations], designs: list[Design],
+                   prior: CameraPrior, choices: list[tuple[int, tuple[float, float]]],
+                   model_errors: tuple[float, ...]) -> tuple[list[Linearised], np.ndarray]:
+    """The prediction of the signals for each choice of a family and a spread of gains, and the log
+    weights (models, errors) with each size of the model error, by bands and in common.
+    """
+    own_noises = np.array([
+        chart_equations.noise_of_photos(photos, chart_equations.PatchError(own))
+        for own in model_errors
+    ])
+    patterns = chart_equations.common_patterns(photos)
+    spreads = prior.covariances()
+    models: list[Linearised] = []
+    log_weights, guess = [], None
+    for family, (gain_sd, share) in choices:
+        covariance, start = _joint_prior(prior, spreads[prior.level[family]], family, gain_sd,
+                                         photos, designs)
+        jacobian, linear, guess = _linearise(photos, designs, start, covariance, prior, guess)
+        projected = _project(jacobian, _project(jacobian, covariance, prior).T, prior)
+        models.append((start, covariance, jacobian, linear))
+        log_share = float(np.log(prior.weights[family] * share))
+        log_weights.append([log_share + log_density for own_noise in own_noises
+                            for log_density in log_densities(
+                                projected + own_noise, linear - jacobian @ start, patterns,
+                                chart_equations.COMMON_ERRORS)])
+    return models, np.array(log_weights)
 
 
 def held_out_signals(
