@@ -25,6 +25,7 @@ from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.reconstruct.inverse_rendering import reconstruct
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.reconstruct.shape.shape_fit import with_mesh
 from spectrabox.reconstruct.view import MaterialSpec, PhotoView
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.published.baselines import best_by_signals
@@ -32,7 +33,6 @@ from spectrabox.sampling.published.per_axis_box import sample_per_axis
 from spectrabox.sampling.spectral_measurement import spline_operator
 
 from benchmarks.paper.figure_4 import spectra_behind
-from benchmarks.paper.shape_fit import with_mesh
 from benchmarks.paper.synthetic_photo import (
     BANDS,
     GRID,

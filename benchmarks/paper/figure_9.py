@@ -166,7 +166,7 @@ def picture(judgement: Judgement, chart: np.ndarray, signals: list[np.ndarray],
         axis.set(title=f"patch {index + 1}", xlabel="wavelength (nm)", ylabel="reflectance",
                  ylim=(0, 1))
     axes[0].legend(fontsize=7)
-    averages = {row.method: asdict(row.scores) for row in judgement.averages}
+    averages = {method: asdict(scores) for _, method, scores in judgement.averages}
     names = list(averages)
     for offset, key in enumerate(("rmse", "rmse_best_scale")):
         axes[3].bar(np.arange(len(names)) + 0.4 * offset,
@@ -229,7 +229,8 @@ def main() -> None:
     text = judgement_text(judgement.scored + judgement.averages)
     picture(judgement, chart, signals, arguments.out)
     if arguments.json:
-        print(json.dumps({"means": {row.method: asdict(row.scores) for row in judgement.averages},
+        print(json.dumps({"means": {method: asdict(scores)
+                                    for _, method, scores in judgement.averages},
                           "fitted_on": len(curves), "picture": str(arguments.out)}))
         return
     print("Paper: the spectra of an image-based network (MST++) are far from the truth. Stand-in "

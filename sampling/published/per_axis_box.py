@@ -97,7 +97,7 @@ def sample_per_axis(operator: spectral_measurement.MeasurementOperator, c0: np.n
     ------
     InputError
         If c0 has another size or leaves [0, 1], or no draws are asked for; see also
-        `sampling.tilt.check_operator`.
+        `sampling.polytope.tilt.check_operator`.
     CalibrationError
         If A is rank deficient.
     ConvergenceError
