@@ -18,7 +18,7 @@ from spectrabox.radiometry.grid import basis_matrix, visible_grid
 from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.sampling.draw_methods import draw_spectra
 from spectrabox.sampling.polytope.bounds import bounds_of_many, linear_programmes, signal_boxes
-from spectrabox.sampling.polytope.tilt import max_entropy_tilt
+from spectrabox.sampling.polytope.tilt import max_entropy_tilt, tilt_moments
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, reflectance
 from spectrabox.sampling.prior.uplift_table import (
     build_tables,
@@ -75,7 +75,8 @@ def hopsy_row(operator: MeasurementOperator, basis: np.ndarray) -> dict[str, flo
     except ImportError:
         return None
     from scipy.linalg import null_space
-    point, Z = max_entropy_tilt(operator).c, null_space(operator.A)
+    theta, _ = max_entropy_tilt(operator)
+    point, Z = tilt_moments(theta @ operator.A)[1], null_space(operator.A)
     started = time.process_time()
     problem = hopsy.Problem(np.vstack([Z, -Z]), np.r_[1 - point, point],
                             starting_point=np.zeros(Z.shape[1]))
@@ -113,9 +114,9 @@ def bounds_row(coefficients: int, signals: int) -> dict[str, float]:
     noise = np.zeros((signals, 3, 3))
     ours = seconds(lambda: bounds_of_many(A, seen, noise, basis)) / signals
     one = seconds(lambda: bounds_of_many(A, seen[:1], noise[:1], basis))
-    boxes = signal_boxes(A, seen[:1], noise[:1], 0.95)
+    directions, centre, half_width = signal_boxes(A, seen[:1], noise[:1], 0.95)
     started = time.process_time()
-    theirs = linear_programmes(boxes, basis)
+    theirs = linear_programmes(directions[0], centre[0], half_width[0], basis)
     highs = time.process_time() - started
     apart = np.abs(np.array(bounds_of_many(A, seen[:1], noise[:1], basis))[:, 0] - theirs).max()
     return {"coefficients": coefficients, "ms": 1e3 * ours, "one_ms": 1e3 * one,
@@ -138,16 +139,16 @@ def table_row(side: int) -> dict[str, float]:
     chosen = rng.choice(prior.weights.size, 300, p=prior.weights)
     spectra = reflectance(np.array([rng.multivariate_normal(prior.means[c], prior.covariances[c])
                                     for c in chosen]))
-    table, = build_tables(prior, one.relative_response,
-                          lambda signals: [relative_errors(signals, NOISE_OF_TABLE)],
-                          np.ones((side,) * 3, bool))
+    [table], row = build_tables(prior, one.relative_response,
+                                lambda signals: [relative_errors(signals, NOISE_OF_TABLE)],
+                                np.ones((side,) * 3, bool))
     signals = spectra @ one.relative_response.T
-    direct = uplift_signals(prior, one.relative_response, signals,
-                            relative_errors(signals, NOISE_OF_TABLE))
-    mean, spread = uplift_pixels(table, signals)
-    return {"side": side, "mean": float(np.sqrt(np.mean((mean - direct.mean)**2))),
-            "standard_deviation": float(np.sqrt(np.mean((spread - direct.standard_deviation)**2))
-                                        / direct.standard_deviation.mean())}
+    exact_mean, exact_spread, _ = uplift_signals(prior, one.relative_response, signals,
+                                                 relative_errors(signals, NOISE_OF_TABLE))
+    mean, spread = uplift_pixels(table, row, signals)
+    return {"side": side, "mean": float(np.sqrt(np.mean((mean - exact_mean)**2))),
+            "standard_deviation": float(np.sqrt(np.mean((spread - exact_spread)**2))
+                                        / exact_spread.mean())}
 
 
 def main() -> None:

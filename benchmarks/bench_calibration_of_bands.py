@@ -158,7 +158,7 @@ def uniform_row(reflectances: np.ndarray, response: np.ndarray) -> tuple[float, 
     for curve in reflectances:
         measured = SpectralMeasurement(PRIOR_GRID, response, response @ curve, np.zeros((3, 3)))
         operator, _ = into_reach(spline_operator(measured, 7))
-        spectra = sample_polytope(operator, 1000, 0).coefficients @ basis.T
+        spectra = sample_polytope(operator, 1000, 0)[0] @ basis.T
         lower, upper = np.quantile(spectra, [0.025, 0.975], axis=0)
         errors.append(np.sqrt(np.mean((spectra.mean(axis=0) - curve)**2)))
         held.append(np.mean((curve >= lower) & (curve <= upper)))

@@ -24,7 +24,7 @@ from threadpoolctl import threadpool_limits
 from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
 from spectrabox.calibrate.chart_equations import FIELD_SD, field_terms
 from spectrabox.calibrate.chart_photo import ChartPhoto
-from spectrabox.calibrate.light_field import PicturePoints, light_at_regions
+from spectrabox.calibrate.light_field import light_at_regions
 from spectrabox.calibrate.prior.learnt_prior import read_camera_database
 from spectrabox.fixtures.flat_sample import lamplight, vignetting
 from spectrabox.radiometry import chart_causes
@@ -59,10 +59,15 @@ def from_side(side: int, rng: np.random.Generator) -> np.ndarray:
     return lamplight(SIZE, [(x, y, rng.uniform(0.15, 1.0), 1.0)])
 
 
-def points_of(places: np.ndarray) -> PicturePoints:
-    """Points (n, 2) of the picture, given in its widths."""
+def in_plane(places: np.ndarray) -> np.ndarray:
+    """Points (n, 2) of the picture, given in its widths, in the plane of the chart."""
+    return np.asarray((places - CORNER) / CHART)
+
+
+def in_picture(places: np.ndarray) -> np.ndarray:
+    """The same from the middle of the picture, half of its diagonal being 1."""
     middle = np.array([0.5, 0.5 * SIZE[0] / SIZE[1]])
-    return PicturePoints((places - CORNER) / CHART, (places - middle) / np.hypot(*middle))
+    return np.asarray((places - middle) / np.hypot(*middle))
 
 
 def read_at(light: np.ndarray, places: np.ndarray) -> np.ndarray:
@@ -77,7 +82,7 @@ def away_from_chart(lamps: int, fields: int, rng: np.random.Generator) -> np.nda
     """
     again = np.random.default_rng(fields)
     patches = CORNER + CHART * plane_centres()
-    terms = np.column_stack([np.ones(len(patches)), field_terms(points_of(patches).plane)])
+    terms = np.column_stack([np.ones(len(patches)), field_terms(in_plane(patches))])
     beforehand = np.diag(np.r_[0.0, np.full(terms.shape[1] - 1, FIELD_SD**-2)])
     covariance = np.linalg.inv(terms.T @ terms / PATCH_ERROR**2 + beforehand)
     whole = np.pad(covariance, (0, 1))
@@ -87,7 +92,8 @@ def away_from_chart(lamps: int, fields: int, rng: np.random.Generator) -> np.nda
     def estimate(seen: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         level, *shape = covariance @ terms.T @ seen / PATCH_ERROR**2
         answer = light_at_regions(ChartWhite(np.exp([level]), np.array(shape), np.zeros(1), whole),
-                                  points_of(patches), [points_of(place[None]) for place in places],
+                                  [in_plane(each) for each in (patches, *places[:, None])],
+                                  [in_picture(each) for each in (patches, *places[:, None])],
                                   False)
         carry = np.column_stack([np.ones(POINTS), np.zeros(POINTS), np.eye(POINTS)])
         return np.log(answer.level) + answer.field, np.sqrt(np.diag(

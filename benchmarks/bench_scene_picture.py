@@ -149,10 +149,10 @@ def flat_scores(folder: Path, finished: Any, pixels: LitPhoto, some: np.ndarray,
     covariance = noise[:, :, None] * np.eye(3) + pixels.errors.by_curves(signals, kind)
     calibration = next(iter(finished.records.calibrate.calibrations.values()))
     response = relative_response(calibration, FINE) @ interpolation_matrix(PRIOR_GRID.nm, FINE.nm)
-    made = uplift_signals(pixels.errors.prior, response, signals,
-                          Errors.of_total(covariance, signals, None))
+    mean, deviation, _ = uplift_signals(pixels.errors.prior, response, signals,
+                                        Errors.of_total(covariance, signals, None))
     at = np.searchsorted(PRIOR_GRID.nm, NM_10)
-    return scores(made.mean[:, at] - at_10(true), made.standard_deviation[:, at[::2]])
+    return scores(mean[:, at] - at_10(true), deviation[:, at[::2]])
 
 
 def at_10(spectra: np.ndarray) -> np.ndarray:

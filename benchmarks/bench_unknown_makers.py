@@ -25,15 +25,13 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.calibrate.camera_curves import camera_curves, curve_band
+from spectrabox.calibrate.camera_curves import camera_curves, curve_band, curve_draws
 from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
 from spectrabox.calibrate.chart_equations import field_terms
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.prior.camera_prior import CameraPrior, matern
 from spectrabox.calibrate.prior.learnt_prior import (
-    CONSTANTS,
     CameraDatabase,
-    PriorConstants,
     build_prior,
     read_camera_database,
 )
@@ -59,12 +57,11 @@ LENS_NM = 100.0
 MISS = 20.0                  # of the interval score: 2 / (1 - 0.9)
 
 
-def prior_without(database: CameraDatabase, left_out: np.ndarray,
-                  constants: PriorConstants = CONSTANTS) -> CameraPrior:
+def prior_without(database: CameraDatabase, left_out: np.ndarray) -> CameraPrior:
     """The prior of all cameras that the mask ``left_out`` (C,) does not name."""
     names = tuple(name for name, out in zip(database.names, left_out, strict=True) if not out)
     return build_prior(database.nm, database.curves[~left_out], names, source="benchmark",
-                       licence="", constants=constants)
+                       licence="")
 
 
 def fitted(truth: np.ndarray, names: tuple[str, ...], prior: CameraPrior,
@@ -86,18 +83,19 @@ def judged(photos: list[ChartPhoto], prior: CameraPrior,
            truth: np.ndarray) -> tuple[float, float, float]:
     """Error, share that the 90 % band holds and interval score of the fit to photos by (K, P)."""
     fit = calibrate_chart(photos, GRID, CalibrationOptions(prior=prior))
-    band, curves = curve_band(fit), camera_curves(fit).curves
+    band, curves = curve_band(fit, curve_draws(fit)), camera_curves(fit).curves
     assert band is not None
+    lower, upper = band
     ours, true = curves / curves[1].max(), truth / truth[1].max()
     error = np.sqrt(((ours - true) ** 2).sum(axis=1) / (true**2).sum(axis=1)).mean()
     top = truth / truth.max()
-    outside = np.maximum(band.lower - top, 0) + np.maximum(top - band.upper, 0)
-    score = np.mean(band.upper - band.lower + MISS * outside) / top.mean()
+    outside = np.maximum(lower - top, 0) + np.maximum(top - upper, 0)
+    score = np.mean(upper - lower + MISS * outside) / top.mean()
     return float(error), float(np.mean(outside < 1e-9)), float(score)
 
 
 def run(database: CameraDatabase, by_maker: bool, lights: tuple[tuple[str, ...], ...],
-        constants: PriorConstants = CONSTANTS, lens_sd: float = 0.0) -> np.ndarray:
+        lens_sd: float = 0.0) -> np.ndarray:
     """Error, holds and score (C, lights, 3) of every camera; NaN where the photo was refused."""
     makers = makers_of(database)
     root = np.linalg.cholesky(matern(GRID.nm, LENS_NM, 2.5) + 1e-9 * np.eye(GRID.nm.size))
@@ -107,7 +105,7 @@ def run(database: CameraDatabase, by_maker: bool, lights: tuple[tuple[str, ...],
         lens = np.exp(lens_sd * root @ rng.standard_normal(GRID.nm.size))
         truth = on_grid(database.nm, curves / curves.max(), GRID, database.names[camera]) * lens
         left_out = makers == makers[camera] if by_maker else np.arange(len(makers)) == camera
-        prior = prior_without(database, left_out, constants)
+        prior = prior_without(database, left_out)
         for index, names in enumerate(lights):
             try:
                 figures[camera, index] = fitted(truth, names, prior, rng)

@@ -49,9 +49,14 @@ def copy_of_chart(photos: Sequence[chart_photo.ChartPhoto], fit: sensitivity.Pri
             axis=1)
     level_spread, tint_spread = copy_errors.copy_spread(mine, grid)
     errors, mine = copy_errors.with_level_of_fit(errors, mine, fit.posterior.best_error.common)
-    posterior = copy_errors.copy_posterior(fit.explained, errors, others, mine, grid)
-    nats = {mine.name: 0.0, **dict(zip((edition.name for edition in further),
-                                       posterior.log_odds.tolist(), strict=True))}
+    terms, covariance = copy_errors.terms_of_copy(fit.explained, errors)
+    (level, level_error), (tint, tint_error) = (
+        (rows @ terms,
+         np.sqrt(np.maximum(np.einsum("ir,rs,is->i", rows, covariance, rows), 0)))
+        for rows in copy_errors.level_and_tint(mine, grid))
+    log_odds = copy_errors.edition_log_odds(fit.explained, others)
+    nats = {mine.name: 0.0, **dict(zip((edition.name for edition in further), log_odds.tolist(),
+                                       strict=True))}
     editions = sorted(photos[0].editions, key=lambda edition: -edition.share)
     usual = nats[editions[0].name]
     nats = {edition.name: nats[edition.name] - usual for edition in editions}
@@ -59,6 +64,6 @@ def copy_of_chart(photos: Sequence[chart_photo.ChartPhoto], fit: sensitivity.Pri
     shares = np.exp(odds - odds.max()) / np.exp(odds - odds.max()).sum()
     likely = int(np.argmax(shares))
     return calibration.ChartCopy(editions[likely].name, editions[likely].made,
-                                 float(shares[likely]), nats, posterior.level,
-                                 posterior.level_error, posterior.tint, posterior.tint_error,
-                                 mine.mean * np.exp(posterior.departure), level_spread, tint_spread)
+                                 float(shares[likely]), nats, level, level_error, tint, tint_error,
+                                 mine.mean * np.exp(copy_errors.departure(mine, terms)),
+                                 level_spread, tint_spread)

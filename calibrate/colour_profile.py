@@ -185,29 +185,24 @@ ILLUMINANTS = {"A": 17, "D65": 21}          # and their numbers in EXIF
 D50 = np.array([0.9642, 1.0, 0.8249])       # white of the profile connection space (ICC)
 
 
-@dataclass(frozen=True, eq=False)
-class IlluminantMatrices(shaped.Record):
-    """Matrices under one illuminant, and the mean CIEDE2000 of the forward matrix by set."""
-
-    colour: Annotated[np.ndarray, "3 3"]    # X, Y, Z to camera; white's largest signal is 1
-    forward: Annotated[np.ndarray, "3 3"]   # white-balanced camera to X, Y, Z under D50
-    delta_e00: tuple[float, ...]
-
-
 def matrices(cameras: Sequence[np.ndarray], name: str, grid: WavelengthGrid, fitted: np.ndarray,
-             judged: tuple[np.ndarray, ...]) -> list[IlluminantMatrices]:
-    """Colour and forward matrix of some curves under an illuminant.
+             judged: tuple[np.ndarray, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Colour and forward matrices (T, 3, 3) of some curves under an illuminant, and the mean
+    CIEDE2000 (T, J) of the forward matrix by set.
+
+    A colour matrix goes from X, Y, Z to the camera, white's largest signal being 1; a forward
+    matrix from the white-balanced camera to X, Y, Z under D50.
 
     Parameters
     ----------
-    cameras : sequence of (3, P) arrays
+    cameras : sequence of T (3, P) arrays
         Curves, each of any scale.
     name : str
         CIE name of the illuminant.
     grid : WavelengthGrid
     fitted : (I, P) array
         Reflectances of the chart that matrices are fitted to.
-    judged : tuple of (n, P) arrays
+    judged : tuple of J (n, P) arrays
         Sets of reflectances that they are judged by.
     """
     to_xyz = appearance.tristimulus_weights(grid.nm, name)
@@ -215,18 +210,20 @@ def matrices(cameras: Sequence[np.ndarray], name: str, grid: WavelengthGrid, fit
     # D50 by the same adaptation: linear, so that white stays white
     to_d50 = appearance.adaptation(to_d65.sum(axis=1), D50) @ to_d65
     labs = [appearance.lab_from_xyz(each @ to_d50.T, D50) for each in judged]
-    power, found = light(name, grid) * grid.weights_nm, []
+    power = light(name, grid) * grid.weights_nm
+    colours, forwards, differences = [], [], []
     for curves in cameras:
         response = curves * power
         signals, white = fitted @ response.T, response.sum(axis=1)
         colour = np.linalg.lstsq(fitted @ to_xyz.T, signals, rcond=None)[0].T
         colour = colour / (colour @ to_xyz.sum(axis=1)).max()
         forward = _white_keeping(signals / white, fitted @ to_d50.T)
-        errors = tuple(float(np.mean(appearance.ciede2000(appearance.lab_from_xyz(
-            (each @ response.T / white) @ forward.T, D50), lab)))
-            for each, lab in zip(judged, labs, strict=True))
-        found.append(IlluminantMatrices(colour, forward, errors))
-    return found
+        colours.append(colour)
+        forwards.append(forward)
+        differences.append([np.mean(appearance.ciede2000(appearance.lab_from_xyz(
+            (each @ response.T / white) @ forward.T, D50), lab))
+            for each, lab in zip(judged, labs, strict=True)])
+    return np.array(colours), np.array(forwards), np.array(differences)
 
 
 def _white_keeping(signals: np.ndarray, xyz: np.ndarray) -> np.ndarray:

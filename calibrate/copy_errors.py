@@ -38,20 +38,6 @@ class Explained(Record):
     inverse: Annotated[np.ndarray, "Y Y"]           # of the innovations' covariance
 
 
-@dataclass(frozen=True, eq=False)
-class CopyPosterior(Record):
-    """What photos say of the copy of a chart, relative to the mean of its edition: logarithms with
-    their standard errors.
-    """
-
-    level: Annotated[np.ndarray, "I"]               # of each patch, from 430 nm on
-    level_error: Annotated[np.ndarray, "I"]
-    tint: Annotated[np.ndarray, "I"]                # blue less red: negative where it is yellower
-    tint_error: Annotated[np.ndarray, "I"]
-    departure: Annotated[np.ndarray, "I P"]         # of log reflectance, mean
-    log_odds: Annotated[np.ndarray, "E"]            # evidence for each further mean, nats over this
-
-
 def copy_errors(signal: np.ndarray, clipped: np.ndarray, copies: ChartCopies,
                 weights_nm: np.ndarray, grid: WavelengthGrid) -> np.ndarray:
     """Signals (I, K, R) by the terms of a copy: R = I Q of the patches' own, then S in common; of
@@ -123,9 +109,8 @@ def _seen(signal: np.ndarray, clipped: np.ndarray, reflectances: np.ndarray,
     return seen, shares
 
 
-def copy_posterior(explained: Explained, errors: np.ndarray, others: np.ndarray,
-                   copies: ChartCopies, grid: WavelengthGrid) -> CopyPosterior:
-    """What photos say of the copy of their chart.
+def terms_of_copy(explained: Explained, errors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (R,) and covariance (R, R) of the terms of a copy, given the photos of it.
 
     Parameters
     ----------
@@ -133,29 +118,43 @@ def copy_posterior(explained: Explained, errors: np.ndarray, others: np.ndarray,
         By the fit of the photos.
     errors : (Y, R) array
         Signals of all photos by the terms of the copy.
-    others : (E, Y) array
-        What the means of other editions would add to them.
-    copies : ChartCopies
-    grid : WavelengthGrid
-        Working grid, of P wavelengths.
     """
     weighted = explained.weighted @ errors                      # (C, R)
     terms = explained.weights @ weighted
     away = (weighted - terms) * np.sqrt(explained.weights)[:, None]
-    covariance = np.eye(terms.size) - errors.T @ explained.inverse @ errors + away.T @ away
+    return terms, np.eye(terms.size) - errors.T @ explained.inverse @ errors + away.T @ away
+
+
+def edition_log_odds(explained: Explained, others: np.ndarray) -> np.ndarray:
+    """Evidence (E,) for each further edition, in nats over the one that was taken.
+
+    Parameters
+    ----------
+    explained : Explained
+        By the fit of the photos.
+    others : (E, Y) array
+        What the means of other editions would add to the signals.
+    """
     gains = explained.weighted @ others.T - 0.5 * np.einsum(
         "ey,yz,ez->e", others, explained.inverse, others)       # (C, E), nats
     with np.errstate(divide="ignore"):      # a component whose weight is 0 says nothing
         log_weights = np.log(explained.weights)
-    log_odds = logsumexp(gains + log_weights[:, None], axis=0)
+    return np.asarray(logsumexp(gains + log_weights[:, None], axis=0))
+
+
+def departure(copies: ChartCopies, terms: np.ndarray) -> np.ndarray:
+    """Departure (I, P) of the logarithm of the reflectances of a copy from their mean.
+
+    Parameters
+    ----------
+    copies : ChartCopies
+    terms : (R,) array
+        Of the copy.
+    """
     patches, _, own = copies.own.shape
-    values = []
-    for rows in _level_and_tint(copies, grid):
-        values += [rows @ terms, np.sqrt(np.maximum(np.einsum("ir,rs,is->i", rows, covariance,
-                                                              rows), 0))]
-    departure = np.einsum("ipq,iq->ip", copies.own, terms[:patches * own].reshape(patches, own)) \
-        + copies.common @ terms[patches * own:]
-    return CopyPosterior(values[0], values[1], values[2], values[3], departure, log_odds)
+    return np.asarray(np.einsum("ipq,iq->ip", copies.own,
+                                terms[:patches * own].reshape(patches, own))
+                      + copies.common @ terms[patches * own:])
 
 
 def copy_spread(copies: ChartCopies, grid: WavelengthGrid) -> tuple[np.ndarray, np.ndarray]:
@@ -167,7 +166,7 @@ def copy_spread(copies: ChartCopies, grid: WavelengthGrid) -> tuple[np.ndarray, 
     grid : WavelengthGrid
         Working grid, of P wavelengths.
     """
-    level, tint = (np.sqrt(np.sum(rows**2, axis=1)) for rows in _level_and_tint(copies, grid))
+    level, tint = (np.sqrt(np.sum(rows**2, axis=1)) for rows in level_and_tint(copies, grid))
     return level, tint
 
 
@@ -193,8 +192,18 @@ def with_level_of_fit(errors: np.ndarray, copies: ChartCopies,
     return errors, replace(copies, own=own)
 
 
-def _level_and_tint(copies: ChartCopies, grid: WavelengthGrid) -> tuple[np.ndarray, np.ndarray]:
-    """Level and tint (I, R) of each patch, by the terms."""
+def level_and_tint(copies: ChartCopies, grid: WavelengthGrid) -> tuple[np.ndarray, np.ndarray]:
+    """Level and tint (I, R) of each patch, by the terms: logarithms, relative to the mean of the
+    copies' edition.
+
+    The level is that from 430 nm on, the tint blue less red: negative where a patch is yellower.
+
+    Parameters
+    ----------
+    copies : ChartCopies
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
+    """
     nm = grid.nm
     level, blue, red = (_mean_departure(copies, part) for part in (
         nm >= LEVEL_FROM_NM, (nm >= BLUE_NM[0]) & (nm <= BLUE_NM[1]),

@@ -14,7 +14,7 @@ profile follows the lamp's place within its error.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -57,12 +57,14 @@ class BeamProfile(shaped.Record):
     band_difference: float                  # largest of a band's own profile, of 1 ahead
 
 
-def fit_beam(cells: WallCells, wall: WallTable) -> BeamProfile:
+def fit_beam(places_mm: np.ndarray, signal: np.ndarray, variance: np.ndarray,
+             wall: WallTable) -> BeamProfile:
     """The profile of the lamp's beam.
 
     Parameters
     ----------
-    cells : WallCells
+    places_mm, signal, variance : (n, 2), (n, K) and (n, K) arrays
+        Readings of the wall, from `wall_cells`.
     wall : WallTable
 
     Raises
@@ -70,160 +72,130 @@ def fit_beam(cells: WallCells, wall: WallTable) -> BeamProfile:
     CheckError
         If the wall is dark, or the rectangle does not hold the place that the lamp faces.
     """
-    level = cells.signal.mean(axis=0)
+    level = signal.mean(axis=0)
     if not np.all(level > 0):
         raise errors.CheckError(
             "the rectangle is dark: its mean signal is 0 or less; give a longer "
             "exposure, or the dark frame of this exposure")
-    reading, noise = _mean_over_bands(cells, level)
+    reading, noise = _mean_over_bands(signal, variance, level)
     deviation = np.sqrt(noise + (EVEN * reading) ** 2 + (FLOOR * reading.max()) ** 2)
-    lamp = _Lamp(np.array(wall.lamp_at_mm), np.array(wall.lamp_size_mm))
+    lamp_at, lamp_size = np.array(wall.lamp_at_mm), np.array(wall.lamp_size_mm)
     aimed = np.array(wall.lamp_at_mm[:2] if wall.lamp_look_at_mm is None else wall.lamp_look_at_mm)
-    axis = _beam_axis(cells.places_mm, reading, deviation, lamp, aimed)
-    angle, sector = lamp.angles(cells.places_mm, axis)
+    axis = _beam_axis(places_mm, reading, deviation, lamp_at, lamp_size, aimed)
+    angle, sector = _angles(places_mm, lamp_at, axis)
     apart = np.sqrt(np.prod(wall.size_mm) / len(angle)) / wall.lamp_at_mm[2]
     top = _seen_all_around(angle, sector, max(RING_DEG, RING_CELLS * float(np.degrees(apart))))
     kept = angle <= top
-    places, sector = cells.places_mm[kept], sector[kept]
+    places, sector = places_mm[kept], sector[kept]
     reading, deviation = reading[kept], deviation[kept]
-    fit = min((_Fit.of(places, reading, deviation, lamp, axis, top, spacing)
-               for spacing in SPACINGS_DEG if spacing < top / 2), key=lambda one: one.bic)
+
+    def whitened(lamp_at: np.ndarray, knots: np.ndarray) -> np.ndarray:
+        return _irradiance(places, lamp_at, lamp_size, axis, knots) / deviation[:, None]
+
+    def bic(rows: np.ndarray) -> float:
+        """Schwarz's criterion, of residuals whose scatter is not known."""
+        count, residuals = len(target), target - rows @ _solved(rows, target)
+        return float(count * np.log(np.mean(residuals**2)) + rows.shape[1] * np.log(count))
+
+    target = reading / deviation
+    fits = [(knots, whitened(lamp_at, knots)) for knots in (
+        _knots(top, spacing) for spacing in SPACINGS_DEG if spacing < top / 2)]
+    knots, rows = min(fits, key=lambda fit: bic(fit[1]))
     table = np.append(np.arange(0.0, top, STEP_DEG), top)
-    profile = fit.profile(table)
+
+    def radiance(rows: np.ndarray, target: np.ndarray) -> np.ndarray:
+        """At the angles of the table, 1 straight ahead, nowhere below 0."""
+        coefficients = _solved(rows, target)
+        values = _splines(table, knots) @ coefficients
+        ahead = float((_splines(np.zeros(1), knots) @ coefficients)[0])
+        return np.asarray(np.maximum(values / ahead, 0.0)) if ahead > 0 else np.zeros(len(values))
+
+    def jackknife(group: np.ndarray) -> np.ndarray:
+        """Variance of the radiance, by leaving out one group at a time."""
+        left_out = np.array([radiance(rows[group != one], target[group != one])
+                             for one in np.unique(group)])
+        count = len(left_out)
+        return np.asarray((count - 1) / count * np.sum((left_out - left_out.mean(axis=0)) ** 2,
+                                                       axis=0))
+
+    profile = radiance(rows, target)
     tile = (places // (max(wall.size_mm) / TILES)).astype(int) @ [1, TILES]
-    variance = np.maximum(_jackknife(fit, sector, table), _jackknife(fit, tile, table))
+    squared_error = np.maximum(jackknife(sector), jackknife(tile))
     for shift in wall.lamp_error_mm * np.eye(3):
-        moved = _Fit.of(places, reading, deviation, replace(lamp, at=lamp.at + shift), axis, top,
-                        fit.spacing)
-        variance += (moved.profile(table) - profile) ** 2
-    bright = fit.predicted > BRIGHT * fit.predicted.max()
-    ratio = reading / fit.predicted
+        squared_error += (radiance(whitened(lamp_at + shift, knots), target) - profile) ** 2
+    predicted = rows @ _solved(rows, target) * deviation
+    bright = predicted > BRIGHT * predicted.max()
+    ratio = reading / predicted
     by_sector = [float(np.mean(ratio[bright & (sector == one)])) for one in range(SECTORS)
                  if np.any(bright & (sector == one))]
-    own = [_Fit.of(places, band, deviation, lamp, axis, top, fit.spacing).profile(table)
-           for band in (cells.signal[kept] / level).T]
+    own = [radiance(rows, band / deviation) for band in (signal[kept] / level).T]
+    cosine = float(np.clip(_normal(lamp_at, axis) @ _normal(lamp_at, aimed), -1, 1))
     return BeamProfile(
-        table, profile, np.sqrt(variance), axis, lamp.angle_between(axis, aimed),
+        table, profile, np.sqrt(squared_error), axis, float(np.degrees(np.arccos(cosine))),
         float(np.sqrt(np.mean((ratio[bright] - 1) ** 2))),
         float(np.max(np.abs(np.array(by_sector) - 1))),
         float(np.max(np.abs(np.array(own) - profile))))
 
 
-def _mean_over_bands(cells: WallCells, level: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _mean_over_bands(signal: np.ndarray, variance: np.ndarray,
+                     level: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Readings (n,) relative to the level (K,) of each band, and the variance of their noise."""
-    return ((cells.signal / level).mean(axis=1),
-            (cells.variance / level**2).sum(axis=1) / len(level) ** 2)
+    return (signal / level).mean(axis=1), (variance / level**2).sum(axis=1) / len(level) ** 2
 
 
-@dataclass(frozen=True)
-class _Lamp:
-    """A panel ``at`` (3,) of ``size`` (2,), both in mm on the wall's axes."""
+# Below, a panel of ``lamp_size`` (2,) stands at ``lamp_at`` (3,), and ``axis`` (2,) is where its
+# normal meets the wall, all in mm on the wall's axes.
 
-    at: np.ndarray
-    size: np.ndarray
-
-    def normal(self, axis: np.ndarray) -> np.ndarray:
-        """Unit direction (3,) towards a place (2,) on the wall."""
-        ahead = np.append(axis, 0.0) - self.at
-        return np.asarray(ahead / np.linalg.norm(ahead))
-
-    def angle_between(self, one: np.ndarray, other: np.ndarray) -> float:
-        """Degrees between the directions to two places on the wall."""
-        cosine = float(np.clip(self.normal(one) @ self.normal(other), -1, 1))
-        return float(np.degrees(np.arccos(cosine)))
-
-    def sides(self, axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Unit directions (3,) of the panel's sides: across, and up."""
-        normal = self.normal(axis)
-        upright = np.array([0.0, 1.0, 0.0]) if abs(normal[1]) < 0.99 else np.array([0.0, 0.0, 1.0])
-        across = np.cross(upright, normal)
-        across /= np.linalg.norm(across)
-        return across, np.cross(normal, across)
-
-    def angles(self, places: np.ndarray, axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Angle in degrees and sector about the axis, of places (n, 2), from the panel's middle."""
-        ray = np.column_stack([places, np.zeros(len(places))]) - self.at
-        ray /= np.linalg.norm(ray, axis=1, keepdims=True)
-        across, up = self.sides(axis)
-        angle = np.degrees(np.arccos(np.clip(ray @ self.normal(axis), -1, 1)))
-        turn = np.arctan2(ray @ up, ray @ across) / (2 * np.pi) % 1.0
-        return angle, np.minimum((turn * SECTORS).astype(int), SECTORS - 1)
-
-    def irradiance(self, places: np.ndarray, axis: np.ndarray, knots: np.ndarray,
-                   quadrature: int) -> np.ndarray:
-        """Irradiance (n, N) of each spline of the radiance, up to a factor."""
-        nodes, weights = np.polynomial.legendre.leggauss(quadrature)
-        across, up = self.sides(axis)
-        normal = self.normal(axis)
-        wall = np.column_stack([places, np.zeros(len(places))])
-        total = np.zeros((len(places), len(knots) - DEGREE - 2))
-        for u, weight_u in zip(nodes, weights, strict=True):
-            for v, weight_v in zip(nodes, weights, strict=True):
-                ray = wall - (self.at + (u * self.size[0] * across + v * self.size[1] * up) / 2)
-                squared = np.sum(ray**2, axis=1)
-                length = np.sqrt(squared)
-                ahead = np.clip(ray @ normal / length, 0, 1)
-                factor = weight_u * weight_v * ahead * (-ray[:, 2] / length) / squared
-                total += factor[:, None] * _splines(np.degrees(np.arccos(ahead)), knots)
-        return np.asarray(total * self.at[2] ** 2)
+def _normal(lamp_at: np.ndarray, axis: np.ndarray) -> np.ndarray:
+    """Unit direction (3,) of the panel."""
+    ahead = np.append(axis, 0.0) - lamp_at
+    return np.asarray(ahead / np.linalg.norm(ahead))
 
 
-@dataclass(frozen=True)
-class _Fit:
-    """Weighted least squares of the coefficients; ``rows`` (n, N) and ``target`` (n,) whitened."""
-
-    knots: np.ndarray
-    spacing: float
-    rows: np.ndarray
-    target: np.ndarray
-    deviation: np.ndarray
-    coefficients: np.ndarray
-
-    @staticmethod
-    def of(places: np.ndarray, reading: np.ndarray, deviation: np.ndarray, lamp: _Lamp,
-           axis: np.ndarray, top: float, spacing: float, quadrature: int = QUADRATURE) -> _Fit:
-        """The fit of readings (n,) at places (n, 2)."""
-        count = max(int(np.ceil(top / spacing)), 1)
-        knots = np.concatenate([np.zeros(DEGREE), np.linspace(0.0, top, count + 1),
-                                np.full(DEGREE, top)])
-        rows = lamp.irradiance(places, axis, knots, quadrature) / deviation[:, None]
-        target = reading / deviation
-        return _Fit(knots, spacing, rows, target, deviation, _solved(rows, target))
-
-    def without(self, some: np.ndarray) -> _Fit:
-        """The same from the other readings."""
-        return replace(self, coefficients=_solved(self.rows[~some], self.target[~some]))
-
-    @property
-    def predicted(self) -> np.ndarray:
-        """Readings (n,) as the fit has them."""
-        return np.asarray(self.rows @ self.coefficients * self.deviation)
-
-    @property
-    def residuals(self) -> np.ndarray:
-        """In standard deviations."""
-        return np.asarray(self.target - self.rows @ self.coefficients)
-
-    @property
-    def bic(self) -> float:
-        """Schwarz's criterion, of residuals whose scatter is not known."""
-        count = len(self.target)
-        return float(count * np.log(np.mean(self.residuals**2))
-                     + len(self.coefficients) * np.log(count))
-
-    def profile(self, angle_deg: np.ndarray) -> np.ndarray:
-        """Radiance by angle, 1 straight ahead, nowhere below 0."""
-        values = _splines(angle_deg, self.knots) @ self.coefficients
-        ahead = float((_splines(np.zeros(1), self.knots) @ self.coefficients)[0])
-        return np.asarray(np.maximum(values / ahead, 0.0)) if ahead > 0 else np.zeros(len(values))
+def _sides(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unit directions (3,) of the panel's sides: across, and up."""
+    upright = np.array([0.0, 1.0, 0.0]) if abs(normal[1]) < 0.99 else np.array([0.0, 0.0, 1.0])
+    across = np.cross(upright, normal)
+    across /= np.linalg.norm(across)
+    return across, np.cross(normal, across)
 
 
-def _jackknife(fit: _Fit, group: np.ndarray, table: np.ndarray) -> np.ndarray:
-    """Variance of the profile at the angles of a table, by leaving out one group at a time."""
-    left_out = np.array([fit.without(group == one).profile(table) for one in np.unique(group)])
-    count = len(left_out)
-    return np.asarray((count - 1) / count * np.sum((left_out - left_out.mean(axis=0)) ** 2,
-                                                   axis=0))
+def _angles(places: np.ndarray, lamp_at: np.ndarray,
+            axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Angle in degrees and sector about the axis, of places (n, 2), from the panel's middle."""
+    ray = np.column_stack([places, np.zeros(len(places))]) - lamp_at
+    ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+    normal = _normal(lamp_at, axis)
+    across, up = _sides(normal)
+    angle = np.degrees(np.arccos(np.clip(ray @ normal, -1, 1)))
+    turn = np.arctan2(ray @ up, ray @ across) / (2 * np.pi) % 1.0
+    return angle, np.minimum((turn * SECTORS).astype(int), SECTORS - 1)
+
+
+def _irradiance(places: np.ndarray, lamp_at: np.ndarray, lamp_size: np.ndarray, axis: np.ndarray,
+                knots: np.ndarray, quadrature: int = QUADRATURE) -> np.ndarray:
+    """Irradiance (n, N) at places (n, 2) of each spline of the radiance, up to a factor."""
+    nodes, weights = np.polynomial.legendre.leggauss(quadrature)
+    normal = _normal(lamp_at, axis)
+    across, up = _sides(normal)
+    wall = np.column_stack([places, np.zeros(len(places))])
+    total = np.zeros((len(places), len(knots) - DEGREE - 2))
+    for u, weight_u in zip(nodes, weights, strict=True):
+        for v, weight_v in zip(nodes, weights, strict=True):
+            ray = wall - (lamp_at + (u * lamp_size[0] * across + v * lamp_size[1] * up) / 2)
+            squared = np.sum(ray**2, axis=1)
+            length = np.sqrt(squared)
+            ahead = np.clip(ray @ normal / length, 0, 1)
+            factor = weight_u * weight_v * ahead * (-ray[:, 2] / length) / squared
+            total += factor[:, None] * _splines(np.degrees(np.arccos(ahead)), knots)
+    return np.asarray(total * lamp_at[2] ** 2)
+
+
+def _knots(top: float, spacing: float) -> np.ndarray:
+    """Of splines from 0 to the angle ``top``, as far apart as ``spacing`` at most."""
+    count = max(int(np.ceil(top / spacing)), 1)
+    return np.concatenate([np.zeros(DEGREE), np.linspace(0.0, top, count + 1),
+                           np.full(DEGREE, top)])
 
 
 def _splines(angle_deg: np.ndarray, knots: np.ndarray) -> np.ndarray:
@@ -238,15 +210,17 @@ def _solved(rows: np.ndarray, target: np.ndarray) -> np.ndarray:
     return np.asarray(np.linalg.solve(normal, rows.T @ target))
 
 
-def _beam_axis(places: np.ndarray, reading: np.ndarray, deviation: np.ndarray, lamp: _Lamp,
-                aimed: np.ndarray) -> np.ndarray:
+def _beam_axis(places: np.ndarray, reading: np.ndarray, deviation: np.ndarray,
+               lamp_at: np.ndarray, lamp_size: np.ndarray, aimed: np.ndarray) -> np.ndarray:
     """Where (2,) on the wall the beam is centred."""
-    size = lamp.at[2]
-    top = float(lamp.angles(places, aimed)[0].max()) + 10.0
+    size = lamp_at[2]
+    knots = _knots(float(_angles(places, lamp_at, aimed)[0].max()) + 10.0, SEARCH_DEG)
+    target = reading / deviation
 
     def misses(step: np.ndarray) -> np.ndarray:
-        return _Fit.of(places, reading, deviation, lamp, aimed + size * step, top,
-                       SEARCH_DEG, 1).residuals
+        rows = _irradiance(places, lamp_at, lamp_size, aimed + size * step, knots, 1) \
+            / deviation[:, None]
+        return np.asarray(target - rows @ _solved(rows, target))
 
     solution = least_squares(misses, np.zeros(2), diff_step=1e-3, x_scale=0.1)
     return np.asarray(aimed + size * solution.x)
@@ -324,15 +298,6 @@ class WallTable(checked_tables.Table):
         return self
 
 
-@dataclass(frozen=True, eq=False)
-class WallCells(shaped.Record):
-    """Readings of the wall, each the mean over a small square of it."""
-
-    places_mm: Annotated[np.ndarray, "n 2"]
-    signal: Annotated[np.ndarray, "n K"]
-    variance: Annotated[np.ndarray, "n K"]
-
-
 def read_wall(path: Path) -> WallTable:
     """Where rectangle and lamp are, as a TOML file says.
 
@@ -348,8 +313,10 @@ def read_wall(path: Path) -> WallTable:
     return checked_tables.checked(WallTable, checked_tables.read_toml(path, ADVICE), path.name)
 
 
-def wall_cells(photo: LinearImage, wall: WallTable, lens: Lens | None = None) -> WallCells:
-    """What the photo shows inside the rectangle, by place on the wall.
+def wall_cells(photo: LinearImage, wall: WallTable, lens: Lens | None = None
+               ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What the photo shows inside the rectangle, each reading the mean over a small square of it:
+    places (n, 2) on the wall in mm, signals (n, K) and the variances (n, K) of their noise.
 
     Parameters
     ----------
@@ -400,8 +367,8 @@ def wall_cells(photo: LinearImage, wall: WallTable, lens: Lens | None = None) ->
     def mean(values: np.ndarray) -> np.ndarray:
         return np.stack([np.bincount(cell, column) / count for column in values.T], axis=1)
 
-    return WallCells(mean(place[used]), mean(photo.signal.reshape(-1, bands)[used].astype(float)),
-                     mean(photo.variance.reshape(-1, bands)[used].astype(float)) / count[:, None])
+    return (mean(place[used]), mean(photo.signal.reshape(-1, bands)[used].astype(float)),
+            mean(photo.variance.reshape(-1, bands)[used].astype(float)) / count[:, None])
 
 
 def _on_wall(pixels: np.ndarray, corners: np.ndarray, size_mm: tuple[float, ...]) -> np.ndarray:

@@ -42,14 +42,6 @@ RIDGE = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
-class PicturePoints(Record):
-    """Points of one photo: where they lie in the plane of the chart, and in the picture."""
-
-    plane: Annotated[np.ndarray, "N 2"]     # widths of the card, from its corner at the first patch
-    picture: Annotated[np.ndarray, "N 2"]   # from the middle, half of the diagonal being 1
-
-
-@dataclass(frozen=True, eq=False)
 class LightAtRegions(Record):
     """White signal, glare and the field at R regions, relative to the chart's mean, together."""
 
@@ -57,34 +49,35 @@ class LightAtRegions(Record):
     glare: Annotated[np.ndarray, "K"]       # signal
     field: Annotated[np.ndarray, "R"]       # log of the light
     covariance: Annotated[np.ndarray, "Z Z"]    # of log level, glare, field: Z = 2 K + R
-    distances: Annotated[np.ndarray, "C"]   # probability of each of LAMP_DISTANCES, and of evenness
 
 
-def light_at_regions(white: ChartWhite, patches: PicturePoints, regions: list[PicturePoints],
-                    flat_field: bool, seed: int = 0) -> LightAtRegions:
+def light_at_regions(white: ChartWhite, plane: list[np.ndarray], picture: list[np.ndarray],
+                     flat_field: bool, seed: int = 0) -> LightAtRegions:
     """The light at other regions of a photo, given its chart.
 
     Parameters
     ----------
     white : ChartWhite
         With E = 5 terms of the field.
-    patches : PicturePoints
-        Of the I patches.
-    regions : list of PicturePoints
-        R regions; the light on each is the mean over its points.
+    plane : list of (N, 2) arrays
+        The I patches, then points of each of R regions, over which the light on it is the mean:
+        where they lie in the plane of the chart, in widths of the card, from its corner at the
+        first patch.
+    picture : list of (N, 2) arrays
+        The same in the picture, from its middle, half of the diagonal being 1.
     flat_field : bool
         Whether the photo was divided by that of a white card.
     seed : int
         Of the arrangements of lamps.
     """
-    terms = field_terms(patches.plane)
+    terms = field_terms(plane[0])
     project = np.linalg.pinv(terms)
     centre, information = _likelihood(white)
-    kinds = [_of_distance(distance, patches, regions, flat_field, np.random.default_rng([seed, i]))
+    kinds = [_of_distance(distance, plane, picture, flat_field, np.random.default_rng([seed, i]))
              for i, distance in enumerate(LAMP_DISTANCES)]
     shares = np.full(len(kinds), (1 - FLAT_SHARE * flat_field) / len(kinds))
     if flat_field:
-        kinds.append(_nearly_even(patches, regions, np.random.default_rng([seed, len(kinds)])))
+        kinds.append(_nearly_even(picture, np.random.default_rng([seed, len(kinds)])))
         shares = np.append(shares, FLAT_SHARE)
     fits = [_given_the_chart(white, project, centre, information, *kind) for kind in kinds]
     logs = np.log(shares) + np.array([evidence for evidence, _, _ in fits])
@@ -96,7 +89,7 @@ def light_at_regions(white: ChartWhite, patches: PicturePoints, regions: list[Pi
                      in zip(weights, means - mean, fits, strict=True))
     bands = len(white.level)
     return LightAtRegions(white.level * np.exp(mean[:bands]), mean[bands:2 * bands],
-                          mean[2 * bands:], symmetric(np.asarray(covariance)), weights)
+                          mean[2 * bands:], symmetric(np.asarray(covariance)))
 
 
 def _likelihood(white: ChartWhite) -> tuple[np.ndarray, np.ndarray]:
@@ -185,27 +178,24 @@ def _tempered(square: np.ndarray) -> tuple[float, np.ndarray]:
     return low, shares_by(low)
 
 
-def _of_distance(distance: float, patches: PicturePoints, regions: list[PicturePoints],
+def _of_distance(distance: float, plane: list[np.ndarray], picture: list[np.ndarray],
                  flat_field: bool,
                  rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Log fields (A, I) at the patches and (A, R) at the regions, of lamps at about a distance."""
-    points = [patches, *regions]
-    plane = np.vstack([each.plane for each in points])
-    field = _lamplight(plane, len(patches.plane), distance, rng)
+    field = _lamplight(np.vstack(plane), len(plane[0]), distance, rng)
     if not flat_field:
-        squared = np.sum(np.vstack([each.picture for each in points]) ** 2, axis=1)
+        squared = np.sum(np.vstack(picture) ** 2, axis=1)
         corner = 1 - MAX_CORNER_LOSS * rng.uniform(size=(ARRANGEMENTS, 1)) ** 2
         field = field - 2 * np.log1p((corner**-0.5 - 1) * squared)
-    return _relative(field, points)
+    return _relative(field, plane)
 
 
-def _nearly_even(patches: PicturePoints, regions: list[PicturePoints],
+def _nearly_even(picture: list[np.ndarray],
                  rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """The same, of what a white card leaves: a slight slope and bend over the picture."""
-    points = [patches, *regions]
-    x, y = np.vstack([each.picture for each in points]).T
+    x, y = np.vstack(picture).T
     terms = np.column_stack([x, y, x**2, y**2, x * y])
-    return _relative(EVEN_SD * rng.standard_normal((ARRANGEMENTS, 5)) @ terms.T, points)
+    return _relative(EVEN_SD * rng.standard_normal((ARRANGEMENTS, 5)) @ terms.T, picture)
 
 
 def _lamplight(plane: np.ndarray, patches: int, distance: float,
@@ -237,9 +227,9 @@ def _lamplight(plane: np.ndarray, patches: int, distance: float,
     return np.asarray(np.log(total + ambient * total[:, :patches].mean(axis=1, keepdims=True)))
 
 
-def _relative(field: np.ndarray, points: list[PicturePoints]) -> tuple[np.ndarray, np.ndarray]:
+def _relative(field: np.ndarray, points: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Fields at the patches and their means at the regions, relative to the patches' mean."""
-    edges = np.cumsum([len(each.plane) for each in points])[:-1]
+    edges = np.cumsum([len(each) for each in points])[:-1]
     on_patches, *on_regions = np.split(field - field[:, :edges[0]].mean(axis=1, keepdims=True),
                                       edges, axis=1)
     return on_patches, np.column_stack([each.mean(axis=1) for each in on_regions])

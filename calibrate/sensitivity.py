@@ -127,16 +127,16 @@ def fit_with_prior(photos: list[chart_equations.ChartEquations], prior: camera_p
     posterior = prior_fit.posterior_of_curves(photos, prior, grid, model_errors=model_errors)
     held_out, chi_square, without, explained = prior_fit.held_out_signals(
         photos, prior, grid, posterior, excluded)
-    moments = curve_posterior.curve_moments(posterior, prior.bands)
+    coefficients, covariance, peak = curve_posterior.curve_moments(posterior, prior.bands)
     states = curve_posterior.photo_states(posterior, curve_posterior.relit(posterior, photos),
-                                          moments)
-    alone = curve_posterior.camera_alone(posterior, prior.bands)
-    shares = curve_posterior.prior_share(alone, prior,
-                                         curve_posterior.curve_moments(alone, prior.bands))
+                                          coefficients, peak)
+    shares = curve_posterior.prior_share(curve_posterior.camera_alone(posterior, prior.bands),
+                                         prior)
     shares[:,
            np.all([chart_photo.unlit(photo.power / grid.weights_nm)
                    for photo in photos], axis=0)] = 1.0
-    fit = sensitivity_fit(photos[0], posterior, moments, states[0].predicted, held_out[0], grid,
+    fit = sensitivity_fit(photos[0], posterior.basis, coefficients, covariance,
+                          states[0].predicted, held_out[0], grid,
                           f"joint estimate with a Gaussian mixture prior ({prior.source})")
     order = np.argsort(-posterior.families)
     families = tuple((prior.members[index], float(posterior.families[index])) for index in order)
@@ -144,18 +144,19 @@ def fit_with_prior(photos: list[chart_equations.ChartEquations], prior: camera_p
                     posterior.model_error, chi_square, without, explained)
 
 
-def sensitivity_fit(photo: chart_equations.ChartEquations, posterior: prior_fit.CurvePosterior,
-                    moments: curve_posterior.CurveMoments, predicted: np.ndarray,
+def sensitivity_fit(photo: chart_equations.ChartEquations, basis: np.ndarray,
+                    coefficients: np.ndarray, covariance: np.ndarray, predicted: np.ndarray,
                     held_out: np.ndarray, grid: spectra.WavelengthGrid,
                     method: str) -> calibration.SensitivityFit:
-    """Curves of largest value 1 from a posterior, with their errors and one photo's residuals.
+    """Curves of largest value 1 of a posterior, with their errors and one photo's residuals.
 
     Parameters
     ----------
     photo : ChartEquations
-    posterior : CurvePosterior
-    moments : CurveMoments
+    basis : (P, N) array
         Of the posterior.
+    coefficients, covariance : (K, N) and (D, D) arrays
+        Of the posterior, from ``curve_moments``.
     predicted, held_out : (I, K) arrays
         Signals of the photo's patches: fitted, and each predicted from the other patches.
     grid : WavelengthGrid
@@ -163,12 +164,10 @@ def sensitivity_fit(photo: chart_equations.ChartEquations, posterior: prior_fit.
     method : str
         In words, for the report.
     """
-    error = np.sqrt(
-        curve_posterior.curve_variance(posterior.basis, moments.covariance,
-                                       len(moments.coefficients)))
+    error = np.sqrt(curve_posterior.curve_variance(basis, covariance, len(coefficients)))
     return calibration.SensitivityFit(
-        grid, moments.coefficients @ posterior.basis.T, posterior.basis, moments.coefficients,
-        moments.covariance, error, 1 - predicted / photo.signal, 1 - held_out / photo.signal,
+        grid, coefficients @ basis.T, basis, coefficients, covariance, error,
+        1 - predicted / photo.signal, 1 - held_out / photo.signal,
         spline_fit.condition_number(photo.reflectances * photo.power,
                                     grid), method, spectra.Outcome.CONVERGED)
 

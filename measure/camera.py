@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from spectrabox.calibrate import chart_calibration, chart_photo
-from spectrabox.calibrate.camera_curves import LEVEL, CurveBand, camera_curves, curve_band
+from spectrabox.calibrate.camera_curves import LEVEL, camera_curves, curve_band, curve_draws
 from spectrabox.capture.chart import chart_agreement, quality
 from spectrabox.measure import captured, rules, texts
 from spectrabox.measure.results import calibration_facts
@@ -104,7 +104,8 @@ class CameraFit:
 
     chart: chart_calibration.ChartCalibration
     sensitivity: calibration.SensitivityFit
-    band: CurveBand | None          # None for measured curves
+    draws: np.ndarray | None        # (T, K, P) of the curves; None by methods without a posterior
+    band: tuple[np.ndarray, np.ndarray] | None  # (K, P), 90 %; None for measured curves
     held_out: calibration.HeldOutPatches  # of the first photo, each by a calibration without it
     photos: tuple[chart_photo.ChartPhoto, ...]
     bands: tuple[str, ...]          # K names
@@ -171,8 +172,8 @@ class CameraFit:
                  "kinds": dict(zip(one.kinds, one.probabilities.tolist(), strict=True)),
                  "says": texts.says(one.finding)} for one in result.light_evidence],
             "wavelengths_nm": fit.grid.nm, "sensitivities": fit.curves, "bands": self.bands,
-            "lower": None if self.band is None else self.band.lower,
-            "upper": None if self.band is None else self.band.upper,
+            "lower": None if self.band is None else self.band[0],
+            "upper": None if self.band is None else self.band[1],
             "level": LEVEL, "condition_number": fit.condition_number,
             "chart_delta_e00": float(result.delta_e.mean()),
             "held_out_delta_e00": float(result.held_out_delta_e.mean()),
@@ -250,12 +251,13 @@ def measure_camera(shown: Sequence[ChartSignals], stated: Sequence[captured.Capt
                                                                     "auto")
     photos = photos_of_charts(shown, stated, irradiance)
     fit, held_out = chart_fit.fit(photos, FINE_GRID, options)
-    curves, band = camera_curves(fit), curve_band(fit, seed)
+    curves, draws = camera_curves(fit), curve_draws(fit, seed)
+    band = curve_band(fit, draws)
     if scene is not None:
         error = chart_fit.lamp_error(first.layout, scene, first.repeatability.lamp_position,
                                      first.seed)
         fit = replace(fit, calibration=chart_fit.with_lamp_error(fit.calibration, error))
-    return CameraFit(fit, curves, band, held_out, tuple(photos), shown[0].bands,
+    return CameraFit(fit, curves, draws, band, held_out, tuple(photos), shown[0].bands,
                      tuple(finding for one in shown for finding in one.findings))
 
 

@@ -343,7 +343,7 @@ def camera_fitted(fit: CameraFit) -> Finding:
     return Finding("camera.fitted", Severity.INFO, values={
         "bands": list(fit.bands), "photos": len(fit.photos), "light": stated,
         "products": fit.chart.calibration.products, "level": camera_curves.LEVEL,
-        "half_width": None if band is None else float((band.upper - band.lower).mean()) / 2,
+        "half_width": None if band is None else float((band[1] - band[0]).mean()) / 2,
         "noise_alone": fit.chart.prior_fit is None,
         "delta_e00": float((fit.chart.delta_e if band is None
                             else fit.chart.held_out_delta_e).mean())})

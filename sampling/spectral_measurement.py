@@ -11,7 +11,7 @@ import numpy as np
 from spectrabox.radiometry import error_model, errors, shaped
 from spectrabox.radiometry.covariance import is_covariance, symmetric, with_rank
 from spectrabox.radiometry.grid import basis_matrix, interpolation_matrix
-from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, WavelengthGrid
+from spectrabox.radiometry.records.spectra import SpectralMeasurement, WavelengthGrid
 
 RANK = 1e-10            # relative: directions of a noise of less variance have none
 SAME = 1e-9             # of white: responses closer than this are one
@@ -25,16 +25,6 @@ class MeasurementOperator(shaped.Record):
     A: Annotated[np.ndarray, "K N"]
     y: Annotated[np.ndarray, "K"]
     noise_covariance: Annotated[np.ndarray, "K K"]
-
-
-@dataclass(frozen=True, eq=False)
-class CoefficientDraws(shaped.Record):
-    """Draws of spline coefficients in [0, 1], all equally likely, and how the sampler did."""
-
-    coefficients: Annotated[np.ndarray, "T N"]
-    acceptance: float
-    effective_samples: float
-    outcome: Outcome
 
 
 def spline_operator(measurement: SpectralMeasurement, coefficients: int) -> MeasurementOperator:

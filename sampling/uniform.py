@@ -37,21 +37,21 @@ def sample_uniform(measurement: SpectralMeasurement, draws: int, seed: int, coef
     spectral_measurement.check_measurement(measurement)
     spectral_measurement.check_draw_count(draws)
     operator, moved = into_reach(spectral_measurement.spline_operator(measurement, coefficients))
-    coefficient_draws = tilted_rejection.sample_polytope(operator, draws, seed)
+    drawn, _, outcome = tilted_rejection.sample_polytope(operator, draws, seed)
     if not moved:
-        return as_spectra(coefficient_draws, tilted_rejection.METHOD, seed,
-                          coefficient_draws.outcome)
-    return as_spectra(coefficient_draws, tilted_rejection.METHOD, seed, Outcome.MOVED,
+        return as_spectra(drawn, tilted_rejection.METHOD, seed, outcome)
+    return as_spectra(drawn, tilted_rejection.METHOD, seed, Outcome.MOVED,
                       Outcome.MOVED.finding(coefficients=coefficients, moved=float(moved)))
 
 
-def as_spectra(draws: spectral_measurement.CoefficientDraws, method: str, seed: int,
-               outcome: Outcome, *findings: findings.Finding) -> SpectrumSamples:
-    """The draws as spectra at 400, 405 ... 700 nm.
+def as_spectra(coefficients: np.ndarray, method: str, seed: int, outcome: Outcome,
+               *findings: findings.Finding) -> SpectrumSamples:
+    """Independent draws as spectra at 400, 405 ... 700 nm.
 
     Parameters
     ----------
-    draws : CoefficientDraws
+    coefficients : (T, N) array
+        Of splines, all equally likely.
     method : str
     seed : int
         Of the random generator; the same seed gives the same draws bit for bit.
@@ -59,9 +59,9 @@ def as_spectra(draws: spectral_measurement.CoefficientDraws, method: str, seed: 
     *findings : Finding
         On the outcome; by default that alone.
     """
-    spectra = draws.coefficients @ grid.basis_matrix(PRIOR_GRID.nm, draws.coefficients.shape[1]).T
+    spectra = coefficients @ grid.basis_matrix(PRIOR_GRID.nm, coefficients.shape[1]).T
     spectra.flags.writeable = False     # nobody else has them: the record need not copy
-    return SpectrumSamples(PRIOR_GRID, spectra, draws.coefficients, method, draws.effective_samples,
+    return SpectrumSamples(PRIOR_GRID, spectra, coefficients, method, float(len(coefficients)),
                            seed, outcome, findings or (outcome.finding(),))
 
 

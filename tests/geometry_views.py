@@ -9,7 +9,7 @@ from spectrabox.calibrate.geometry.lens import Lens
 
 TRUE = Lens(640, 480, np.array([[700.0, 0, 325], [0, 702.0, 236], [0, 0, 1]]),
             np.array([-0.12, 0.05, 0.001, -0.001, 0]), np.zeros(4), np.zeros(5), 0.0, "given")
-BOARD = Board(9, 7, 0.03, 0.022)
+BOARD = Board(columns=9, rows=7, square=0.03, marker=0.022)
 TILTS = ((0.3, 0.0, 0.0), (-0.3, 0.2, 0.1), (0.1, 0.4, -0.2), (0.2, -0.4, 0.0), (0.0, 0.0, 0.3),
          (-0.2, -0.2, -0.1))
 SHIFT = (-0.12, -0.1, 0.5)

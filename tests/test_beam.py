@@ -9,7 +9,6 @@ import pytest
 from typer.testing import CliRunner
 
 from spectrabox.calibrate.lamp_beam import (
-    WallCells,
     WallTable,
     _mean_over_bands,
     fit_beam,
@@ -102,7 +101,7 @@ def true_profile(beam, angles):
 @pytest.mark.parametrize("name", BEAMS)
 def test_the_beam_that_lit_the_wall_is_found(name):
     beam = BEAMS[name]
-    fit = fit_beam(wall_cells(photo(beam), wall()), wall())
+    fit = fit_beam(*wall_cells(photo(beam), wall()), wall())
     truth = true_profile(beam, fit.angle_deg)
     # 1.3 mm in 800 of the lamp's size are not resolved, and 2 degrees of knots round an edge off
     np.testing.assert_allclose(fit.radiance, truth, atol=0.025 if name == "cut off" else 0.006)
@@ -117,7 +116,7 @@ def test_the_stated_errors_hold_on_an_uneven_wall_with_the_lamp_misplaced():
     for seed in range(8):
         shift = 5.0 * rng.standard_normal(3)
         stated = wall(lamp_at_mm=(np.array(LAMP_MM) + shift).tolist(), lamp_error_mm=5.0)
-        fit = fit_beam(wall_cells(photo(BEAMS["reflector"], seed, uneven=0.02), stated), stated)
+        fit = fit_beam(*wall_cells(photo(BEAMS["reflector"], seed, uneven=0.02), stated), stated)
         truth = true_profile(BEAMS["reflector"], fit.angle_deg)
         at = np.array([10, 20, 30, 40])
         misses = np.abs(fit.radiance - truth)[at] / fit.standard_error[at]
@@ -128,22 +127,22 @@ def test_the_stated_errors_hold_on_an_uneven_wall_with_the_lamp_misplaced():
 
 
 def test_a_beam_that_is_not_round_is_noticed():
-    round_beam = fit_beam(wall_cells(photo(BEAMS["reflector"]), wall()), wall())
-    wide = fit_beam(wall_cells(photo(BEAMS["reflector"], stretch=1.25), wall()), wall())
+    round_beam = fit_beam(*wall_cells(photo(BEAMS["reflector"]), wall()), wall())
+    wide = fit_beam(*wall_cells(photo(BEAMS["reflector"], stretch=1.25), wall()), wall())
     assert round_beam.asymmetry < 0.02 < 0.1 < wide.asymmetry
     assert wide.standard_error[20] > 5 * round_beam.standard_error[20]
 
 
 def test_a_beam_that_changes_colour_is_noticed():
     blue = [BEAMS["reflector"], BEAMS["reflector"], lambda angle: np.exp(-((angle / 18) ** 2) / 2)]
-    fit = fit_beam(wall_cells(photo(None, tint=blue), wall()), wall())
+    fit = fit_beam(*wall_cells(photo(None, tint=blue), wall()), wall())
     assert fit.band_difference > 0.1
 
 
 def test_readings_of_a_wall_err_by_the_noise_of_their_pixels():
-    one, other = (wall_cells(photo(BEAMS["reflector"], seed, noise=0.05), wall())
-                  for seed in (1, 2))
-    off = (one.signal - other.signal) ** 2 / (one.variance + other.variance)
+    (_, first, first_variance), (_, second, second_variance) = (
+        wall_cells(photo(BEAMS["reflector"], seed, noise=0.05), wall()) for seed in (1, 2))
+    off = (first - second) ** 2 / (first_variance + second_variance)
     # some 2600 readings of three bands know a variance to 1.6 %
     assert off.size > 6000 and off.mean() == pytest.approx(1, abs=0.065)
 
@@ -154,8 +153,8 @@ def test_the_mean_over_bands_errs_as_draws_of_it_do(bands):
     level = rng.uniform(0.1, 1, bands)
     sigma = 0.05 * rng.uniform(0.5, 2, bands)
     signal = level + sigma * rng.standard_normal((8000, bands))
-    estimate, variance = _mean_over_bands(WallCells(np.zeros((8000, 2)), signal, np.broadcast_to(
-        sigma**2, signal.shape)), level)
+    estimate, variance = _mean_over_bands(
+        signal, np.broadcast_to(sigma**2, signal.shape), level)
     # 8000 draws know a variance to 1.6 %
     assert estimate.var() / variance[0] == pytest.approx(1, abs=0.065)
     assert estimate.mean() == pytest.approx(1, abs=0.01)
@@ -206,8 +205,7 @@ def test_a_traced_wall_gives_the_profile_that_the_tracer_was_given(tmp_path):
     places = np.array(loaded.ray_intersect(ray).p)[:2].T.astype(float)
     inside = np.all((places > 0) & (places < SIZE_MM), axis=1)
     noise = traced.relative_variance[inside] * light[inside] ** 2
-    cells = WallCells(places[inside], light[inside, None], noise[:, None])
-    fit = fit_beam(cells, wall())
+    fit = fit_beam(places[inside], light[inside, None], noise[:, None], wall())
     # pixels are up to 60 mm wide, 4 degrees, and paths have their noise
     np.testing.assert_allclose(fit.radiance, np.interp(fit.angle_deg, TABLE_DEG, given),
                                atol=0.02)
@@ -304,7 +302,7 @@ def test_a_photo_that_shows_no_beam_is_refused():
         wall_cells(clipped, wall())
     dark = dataclasses.replace(image, signal=0 * image.signal)
     with pytest.raises(CheckError, match="the rectangle is dark"):
-        fit_beam(wall_cells(dark, wall()), wall())
+        fit_beam(*wall_cells(dark, wall()), wall())
     few = dataclasses.replace(image, **{name: getattr(image, name)[::20, ::20]
                                         for name in ("signal", "variance", "saturated")},
                               sensor_step=20.0)
@@ -317,12 +315,11 @@ def test_a_bent_photo_and_its_lens_give_the_same_places(tmp_path):
 
     from spectrabox.calibrate.geometry.projection import undistorted
     image = photo(BEAMS["reflector"], size=(480, 640))
-    straight = wall_cells(undistorted(image, TRUE), wall(), TRUE)
+    straight, *_ = wall_cells(undistorted(image, TRUE), wall(), TRUE)
     # corners are of the bent photo: inside the rectangle lies what lay inside it there
-    plain = wall_cells(image, wall())
-    assert abs(len(straight.places_mm) - len(plain.places_mm)) < 30
-    np.testing.assert_allclose(straight.places_mm.mean(axis=0), plain.places_mm.mean(axis=0),
-                               atol=3)
+    plain, *_ = wall_cells(image, wall())
+    assert abs(len(straight) - len(plain)) < 30
+    np.testing.assert_allclose(straight.mean(axis=0), plain.mean(axis=0), atol=3)
 
 
 def test_a_file_that_is_no_wall_is_said(tmp_path):

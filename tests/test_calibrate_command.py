@@ -10,7 +10,7 @@ from calibrate_cameras import GRID, cameras, led, on_grid
 from typer.testing import CliRunner
 
 import spectrabox as sb
-from spectrabox.calibrate.camera_curves import curve_band
+from spectrabox.calibrate.camera_curves import curve_band, curve_draws
 from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
@@ -64,7 +64,7 @@ def test_the_command_gives_what_python_gives(chart, method, tmp_path):
     curves_fitted = fit.calibration.sensitivity.curves
     # The same code on the same numbers; JSON keeps every digit.
     np.testing.assert_array_equal(facts["sensitivities"], curves_fitted)
-    np.testing.assert_array_equal(facts["lower"], curve_band(fit).lower)
+    np.testing.assert_array_equal(facts["lower"], curve_band(fit, curve_draws(fit))[0])
     _, names, curves = read_curves(tmp_path / "curves.csv")
     assert names == ("R", "G", "B")
     np.testing.assert_allclose(curves, curves_fitted, atol=1e-8)  # nine digits

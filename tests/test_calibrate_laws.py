@@ -37,7 +37,7 @@ from spectrabox.calibrate.chart_equations import (
     mean_error,
 )
 from spectrabox.calibrate.chart_photo import ChartPhoto, disagreement
-from spectrabox.calibrate.light_field import PicturePoints, _of_distance
+from spectrabox.calibrate.light_field import _of_distance
 from spectrabox.calibrate.prior.camera_prior import CameraPrior, prior_of_curves
 from spectrabox.calibrate.prior.curve_posterior import nonnegative
 from spectrabox.calibrate.prior.learnt_prior import KEPT_VARIANCE, _leading, within_families
@@ -415,11 +415,10 @@ def test_a_lens_darkens_the_corners_by_no_more_than_is_held_possible():
     """The fourth power of a cosine is the square of 1 + tan^2: between none and 60 % of the light
     is lost at the corner, of which 20 % in the mean.
     """
-    patches = PicturePoints(1e-6 * np.random.default_rng(1).uniform(size=(24, 2)),
-                            np.zeros((24, 2)))
-    corner = PicturePoints(np.zeros((1, 2)), np.array([[0.6, 0.8]]))
+    plane = [1e-6 * np.random.default_rng(1).uniform(size=(24, 2)), np.zeros((1, 2))]
+    picture = [np.zeros((24, 2)), np.array([[0.6, 0.8]])]
     (_, with_lens), (_, without) = (
-        _of_distance(6.0, patches, [corner], flat, np.random.default_rng(78))
+        _of_distance(6.0, plane, picture, flat, np.random.default_rng(78))
         for flat in (False, True))
     left = np.exp(with_lens - without)[:, 0]
     assert left.min() >= 0.4 - 1e-4 and left.max() <= 1

@@ -7,7 +7,7 @@ import pytest
 from geometry_views import TILTS, TRUE, seen, view
 
 from spectrabox.calibrate.geometry.board import Board, in_scene, read_board, read_points
-from spectrabox.calibrate.geometry.lens import Lens, camera_position
+from spectrabox.calibrate.geometry.lens import Lens
 from spectrabox.calibrate.geometry.pose import (
     lens_of_focal_length,
     pose_and_focal_length,
@@ -43,7 +43,7 @@ def test_the_pose_comes_back_from_exact_points():
 def test_the_focal_length_comes_back_with_the_pose():
     pose, lens = pose_and_focal_length(*box_view(lens=PLAIN), 640, 480)
     assert lens.matrix[0, 0] == pytest.approx(700, rel=1e-6)  # Gauss-Newton's own stop
-    np.testing.assert_allclose(camera_position(pose).position, true_place()[0], atol=1e-6)
+    np.testing.assert_allclose(pose.position, true_place()[0], atol=1e-6)
 
 
 @pytest.mark.parametrize("free_focal", [False, True])
@@ -57,7 +57,8 @@ def test_the_stated_errors_are_the_scatter_of_repeated_clicks(free_focal):
         else:
             pose = pose_from_points(places, points, PLAIN)
             focal = 700.0, 1.0
-        poses.append((*vars(camera_position(pose)).values(), *focal))
+        poses.append((pose.position, pose.position_standard_error, pose.direction,
+                      pose.direction_standard_error_deg, *focal))
     position, error, direction, angle, focal, focal_error = (np.array(column)
                                                              for column in zip(*poses, strict=True))
     # 100 draws of three numbers know a standard deviation to 4 to 7 %: 4 sigma.
@@ -72,10 +73,10 @@ def test_the_stated_errors_are_the_scatter_of_repeated_clicks(free_focal):
 
 def test_an_uncertain_lens_widens_the_pose():
     places, points = box_view(np.random.default_rng(1))
-    known = camera_position(pose_from_points(places, points, TRUE)).position_standard_error
+    known = pose_from_points(places, points, TRUE).position_standard_error
     unsure = Lens(**{**vars(TRUE), "standard_error": np.array([20.0, 20, 5, 5])})
     # 20 of 700 pixels of focal length are 3 % of the distance of 0.9.
-    wider = camera_position(pose_from_points(places, points, unsure)).position_standard_error
+    wider = pose_from_points(places, points, unsure).position_standard_error
     assert known.max() < 0.01 < wider.max()
 
 
@@ -127,7 +128,7 @@ def test_a_board_lies_where_its_file_says(tmp_path):
     np.testing.assert_allclose(in_scene(board, np.array([[3.0, 6.0, 0.0]]), "b"), [[1, -4, 0]],
                                atol=1e-12)
     with pytest.raises(InputError, match="does not say where the board lies"):
-        in_scene(Board(9, 7, 3, 2), np.zeros((1, 3)), "board.toml")
+        in_scene(Board(columns=9, rows=7, square=3, marker=2), np.zeros((1, 3)), "board.toml")
 
 
 @pytest.mark.parametrize("text, sentence", [

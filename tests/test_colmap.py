@@ -10,7 +10,6 @@ from test_box_scene import as_toml, template_box
 from typer.testing import CliRunner
 
 from spectrabox.calibrate.geometry.colmap_model import for_photo, read_colmap
-from spectrabox.calibrate.geometry.lens import camera_position
 from spectrabox.calibrate.geometry.model_in_scene import model_in_scene, pose_in_scene
 from spectrabox.measure.scene.box_camera import box_camera, box_text, lens_of, scene_of
 from spectrabox.measure.shoot.captures import box_photo, stated_scene
@@ -75,7 +74,7 @@ def test_the_stated_errors_are_the_scatter_of_repetitions(tmp_path):
     places, squares, scales = [], [], []
     for _ in range(100):
         estimate = model_in_scene(images, marks(rng=rng, noise_px=0.4), CORNERS)
-        camera = camera_position(pose_in_scene(images["box.jpg"], estimate))
+        camera = pose_in_scene(images["box.jpg"], estimate)
         places.append(camera.position - np.array(PLACES["box.jpg"][0]))
         squares.append((places[-1] / camera.position_standard_error) ** 2)
         scales.append((estimate.scale - 1 / SCALE) / estimate.scale_error)

@@ -13,7 +13,6 @@ from spectrabox.calibrate.chart_equations import FIELD_SD, PatchError, field_ter
 from spectrabox.calibrate.light_field import (
     FLAT_SHARE,
     LightAtRegions,
-    PicturePoints,
     light_at_regions,
 )
 from spectrabox.measure.pictures import picture_maps
@@ -87,7 +86,7 @@ def flat_photo():
 @pytest.fixture
 def seen(monkeypatch):
     """White at the regions of a photo."""
-    elsewhere = LightAtRegions(LEVEL, GLARE, FIELD, unknowns(), np.ones(1))
+    elsewhere = LightAtRegions(LEVEL, GLARE, FIELD, unknowns())
     monkeypatch.setattr(module, "_light_at", lambda *_: elsewhere)
     return lambda: module.white_by_chart(flat_photo(), ERRORS)
 
@@ -185,7 +184,7 @@ def test_the_map_of_the_light_shows_what_a_known_card_said(monkeypatch):
         apart = np.linalg.norm(at[:, None] - at[None], axis=-1)
         covariance = np.zeros((6 + len(at),) * 2)
         covariance[6:, 6:] = 0.08**2 * np.exp(-((apart / 3)**2))
-        return LightAtRegions(LEVEL, 0 * GLARE, np.zeros(len(at)), covariance, np.ones(1))
+        return LightAtRegions(LEVEL, 0 * GLARE, np.zeros(len(at)), covariance)
     monkeypatch.setattr(module, "_light_at", smooth)
     monkeypatch.setattr(module.interreflection, "relative_response", lambda *_: np.eye(3))
     signal = EXPOSURE * LEVEL * SURFACES
@@ -245,8 +244,7 @@ def test_light_over_a_picture_is_the_mixture_of_every_kind_of_lamp(monkeypatch):
     monkeypatch.setattr(light_field, "_nearly_even", lambda *_: (None, None))
     plane = rng.uniform(size=(24, 2))
     white = ChartWhite(LEVEL, np.zeros(5), GLARE, 1e-4 * np.eye(11))
-    places = PicturePoints(plane, plane)
-    light = light_at_regions(white, places, [places, places], True)
+    light = light_at_regions(white, 3 * [plane], 3 * [plane], True)
     shares = np.r_[np.full(len(kinds) - 1, (1 - FLAT_SHARE) / (len(kinds) - 1)), FLAT_SHARE]
     weights = shares * np.exp([evidence for evidence, _, _ in kinds])
     counts = rng.multinomial(200_000, weights / weights.sum())
@@ -313,8 +311,7 @@ def test_photos_of_one_chart_err_alike_away_from_it_under_any_lamps(monkeypatch)
             known[photo.name] = light_at_regions(
                 ChartWhite(np.exp([level]), np.array(shape), np.zeros(1),
                            np.pad(spread, (0, 1)) + 1e-12 * np.eye(7)),
-                PicturePoints(plane, (plane - 0.5) / 2), [PicturePoints(away, (away - 0.5) / 2)],
-                False)
+                [plane, away], [(plane - 0.5) / 2, (away - 0.5) / 2], False)
             shown.append(dataclasses.replace(photo, samples=RegionSamples(
                 ("cloth",), grey * np.exp(on_cloth)[:, None], np.zeros((1, 1, 1)), np.ones(1),
                 np.zeros((1, 1)), np.zeros((1, 25, 2)))))

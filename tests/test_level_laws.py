@@ -82,9 +82,9 @@ def test_a_tilted_component_is_the_component_times_the_weight():
     prior = load_prior()
     component, level = int(np.argmin(np.abs(prior.means.mean(axis=1)))), 0.3
     weight = level_weight(prior.weights, prior.means, prior.covariances)
-    found = tilt(weight, np.array([component]), np.array([level]))
+    shift, stretch, log_weight = tilt(weight, np.array([component]), np.array([level]))
     m, s = weight.mean[component], weight.variance[component]
-    mean, variance = m + found.shift[0] * s, s + found.stretch[0] * s**2
+    mean, variance = m + shift[0] * s, s + stretch[0] * s**2
     slope, bend = (np.interp(level, GRID, values) for values in weight.log_weight[1:])
     near = GRID[np.abs(GRID - level) < 0.5]
     wanted = -(near - m)**2 / s / 2 + slope * (near - level) + bend * (near - level)**2 / 2
@@ -94,7 +94,7 @@ def test_a_tilted_component_is_the_component_times_the_weight():
     whole = -(GRID - m)**2 / s / 2 - np.log(s) / 2 + np.interp(level, GRID, weight.log_weight[0]) \
         + slope * (GRID - level) + bend * (GRID - level)**2 / 2
     integral = np.exp(whole).sum() * (GRID[1] - GRID[0]) / np.sqrt(2 * np.pi)
-    assert np.exp(found.log_weight[0]) == pytest.approx(integral, rel=1e-3)
+    assert np.exp(log_weight[0]) == pytest.approx(integral, rel=1e-3)
 
 
 def test_families_keep_their_shares_of_a_level():

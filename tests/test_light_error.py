@@ -71,7 +71,7 @@ def test_a_light_of_another_temperature_is_inferred_and_leaves_the_curves_nearer
         signal, truth = seen(curves, light("D50", GRID), seed), on_grid(curves)
         fits = [fit_with_prior([photo(signal, power, SURFACES, light_terms=given)], prior(), GRID)
                 for given in (None, terms)]
-        errors.append([off(curve_moments(camera_alone(fit.posterior, 3), 3).coefficients
+        errors.append([off(curve_moments(camera_alone(fit.posterior, 3), 3)[0]
                            @ fit.posterior.basis.T, truth) for fit in fits])
     # 10 of 46 mired beyond twice the stated error; by chance each of six is better half of the time
     assert np.all(np.array(errors)[:, 1] < np.array(errors)[:, 0])

@@ -22,7 +22,7 @@ from calibrate_cameras import (
 from sampling_cameras import seen
 from scipy import special, stats
 
-from spectrabox.calibrate.camera_curves import curve_band
+from spectrabox.calibrate.camera_curves import curve_band, curve_draws
 from spectrabox.calibrate.prior.camera_prior import matern
 from spectrabox.calibrate.prior.curve_posterior import (
     curve_moments,
@@ -146,7 +146,7 @@ def test_evidence_of_a_scene_is_exact_where_the_logit_is_linear():
                            targets, response, log_weights, means, roots, np.zeros((0, 1)),
                            np.zeros((len(reading), 0)))
     labels = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
-    fit = fit_modes(problem, labels, np.zeros((len(labels), materials * size))).evidence
+    _, fit = fit_modes(problem, labels, np.zeros((len(labels), materials * size)))
     exact = []
     for chosen in labels:
         covariance = np.zeros((materials * size,) * 2)
@@ -184,12 +184,12 @@ def states_of(made, rng, count):
 def test_moments_of_curves_are_those_of_draws_of_the_mixture():
     rng = np.random.default_rng(5)
     fit = a_posterior(rng, 0.02, 0.004, 0.01)
-    moments = curve_moments(fit, 2)
+    _, covariance, _ = curve_moments(fit, 2)
     drawn = states_of(fit, rng, 60_000)[:, :6]
     # the largest value is that of the fifth; a linear scaling, exact to spreads of 1 %
     shares = np.delete(drawn / drawn[:, 4:5], 4, axis=1)
     kept = np.delete(np.arange(6), 4)
-    covariance = moments.covariance[np.ix_(kept, kept)]
+    covariance = covariance[np.ix_(kept, kept)]
     sizes = np.sqrt(np.diag(covariance))
     # a covariance of 60 000 draws is known to 1 / sqrt(60 000) of the variances, times a few
     np.testing.assert_allclose(np.cov(shares.T) / np.outer(sizes, sizes),
@@ -203,7 +203,8 @@ def test_error_of_the_white_signal_is_that_of_draws_with_their_exposure():
     chart = dataclasses.replace(
         photo(np.ones((4, 2)), np.ones(FINE.nm.size), np.ones((4, FINE.nm.size))),
         power=power, reflectances=np.ones((4, 3)))
-    state = photo_states(fit, [chart], curve_moments(fit, 2))[0]
+    coefficients, _, peak = curve_moments(fit, 2)
+    state = photo_states(fit, [chart], coefficients, peak)[0]
     drawn = states_of(fit, rng, 60_000)
     white = np.exp(drawn[:, 6:]) * (drawn[:, :6].reshape(-1, 2, 3) @ power)
     variance = white.var(axis=0)
@@ -282,14 +283,15 @@ def test_the_90_per_cent_band_of_curves_holds_90_per_cent_of_draws():
     sensitivity = SimpleNamespace(curves=np.ones((2, 3)), standard_error=np.full((2, 3), 0.02))
     fitted = SimpleNamespace(prior_fit=SimpleNamespace(posterior=fit),
                              calibration=SimpleNamespace(sensitivity=sensitivity))
-    band = curve_band(fitted)
-    share = ((band.draws > band.lower) & (band.draws < band.upper)).mean(axis=0)
+    draws = curve_draws(fitted)
+    lower, upper = curve_band(fitted, draws)
+    share = ((draws > lower) & (draws < upper)).mean(axis=0)
     # quantiles of the same draws: one of 1000 either side; the peak is 1 in every draw
     np.testing.assert_allclose(share[share > 0], 0.9, atol=0.002)
     assert (share > 0).sum() >= 5
     fitted.prior_fit = None
-    band = curve_band(fitted)
-    held = stats.norm.cdf((band.upper - 1) / 0.02) - stats.norm.cdf((band.lower - 1) / 0.02)
+    lower, upper = curve_band(fitted, curve_draws(fitted))
+    held = stats.norm.cdf((upper - 1) / 0.02) - stats.norm.cdf((lower - 1) / 0.02)
     np.testing.assert_allclose(held, 0.9, atol=1e-4)    # the quantile is given to four places
 
 

@@ -40,7 +40,7 @@ def test_a_coefficient_seen_alone_is_bounded_by_its_noise():
 @pytest.mark.parametrize("coefficients", [5, 9, 21])
 def test_every_draw_lies_within_the_bounds(coefficients):
     operator, basis = grey(coefficients), basis_matrix(NM, coefficients)
-    spectra = sample_polytope(operator, 2_000, seed=1).coefficients @ basis.T
+    spectra = sample_polytope(operator, 2_000, seed=1)[0] @ basis.T
     lower, upper = reflectance_bounds(operator, basis)
     assert np.all(spectra > lower - SOLVER)
     assert np.all(spectra < upper + SOLVER)
@@ -51,8 +51,9 @@ def boxes_of(operator, level=0.95):
 
 
 def reference(operator, basis):
-    boxes = boxes_of(operator)
-    return linear_programmes(boxes.of(np.array([0]), widening(boxes, 0, TIGHT)), basis, TIGHT)
+    directions, centre, half_width = (each[0] for each in boxes_of(operator))
+    wider = half_width + widening(directions, centre, half_width, TIGHT)
+    return linear_programmes(directions, centre, wider, basis, TIGHT)
 
 
 def random_problem(kind, noise, seed):
@@ -96,7 +97,7 @@ def test_bounds_of_cameras_need_no_general_solver(coefficients, bands, error, mo
 def test_out_of_reach_the_bounds_widen_by_the_least_that_fits(error):
     operator = measurement(np.eye(2, 4), np.array([0.5, 1.3]), error)
     slack = 0.3 - error * np.sqrt(chi2.ppf(0.95, 2))
-    assert widenings(boxes_of(operator)) == pytest.approx(slack, abs=SOLVER)
+    assert widenings(*boxes_of(operator)) == pytest.approx(slack, abs=SOLVER)
     lower, upper = reflectance_bounds(operator, np.eye(4))
     np.testing.assert_allclose(lower, [0.2, 1, 0, 0], atol=SOLVER)
     np.testing.assert_allclose(upper, [0.8, 1, 1, 1], atol=SOLVER)
@@ -104,7 +105,7 @@ def test_out_of_reach_the_bounds_widen_by_the_least_that_fits(error):
 
 @pytest.mark.parametrize("error", [0.0, 0.01])
 def test_signals_within_reach_need_no_widening(error):
-    assert widenings(boxes_of(grey(7, error))) == 0
+    assert widenings(*boxes_of(grey(7, error))) == 0
 
 
 def many_signals(coefficients=13, count=40, seed=3):

@@ -185,10 +185,10 @@ def test_refined_draws_keep_the_signal_and_the_box():
     operator = measurement(matrix @ basis_matrix(grid.nm, 7), matrix @ surface(grid.nm, 2))
     measured = seen(surface(grid.nm, 2))
     samples = sample_refined(measured, operator, 15, 300, seed=1)
-    np.testing.assert_allclose(samples.coefficients @ (matrix @ basis_matrix(grid.nm, 15)).T,
+    np.testing.assert_allclose(samples @ (matrix @ basis_matrix(grid.nm, 15)).T,
                                # lifting to 1e-12, twenty moves
                                np.tile(operator.y, (300, 1)), atol=1e-9)
-    assert samples.coefficients.min() >= 0 and samples.coefficients.max() <= 1
+    assert samples.min() >= 0 and samples.max() <= 1
 
 
 def test_an_unreachable_signal_is_moved_by_what_is_said():

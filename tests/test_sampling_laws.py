@@ -135,7 +135,7 @@ def linear_problem(rng, materials=2, size=4, rows=5):
 
 def test_how_surprising_a_scene_is_is_uniform_where_the_prior_holds():
     rng = np.random.default_rng(2)
-    problem, chances = linear_problem(rng), []
+    problem, labels, chances = linear_problem(rng), np.zeros((1, 2), int), []
     zero = (problem.rows.sum(axis=2) * problem.response.sum() / 2)[:, 0]
     for _ in range(250):
         z = rng.standard_normal(8)
@@ -143,7 +143,7 @@ def test_how_surprising_a_scene_is_is_uniform_where_the_prior_holds():
         seen_light = np.einsum("fm,m->f", problem.rows[:, 0],
                                reflectance(logits) @ problem.response[0])
         scene = dataclasses.replace(problem, targets=seen_light + rng.standard_normal(zero.size))
-        chances.append(surprise(scene, fit_modes(scene, np.zeros((1, 2), int), np.zeros((1, 8)))))
+        chances.append(surprise(scene, labels, *fit_modes(scene, labels, np.zeros((1, 8)))))
     assert stats.kstest(chances, "uniform").pvalue > 1e-4
 
 
@@ -158,8 +158,9 @@ def test_draws_of_a_scene_take_each_component_by_its_evidence():
                            np.log([[*weights, 1.0]]), means, np.repeat(2e-3 * np.eye(size)[None], 3,
                                                                        axis=0),
                            np.zeros((0, 1)), np.zeros((1, 0)))
-    modes = fit_modes(problem, np.array([[0], [1]]), np.zeros((2, size)))
-    drawn = sample_joint(problem, 3, modes, 4000).spectra[:, 0].mean(axis=1)
+    labels = np.array([[0], [1]])
+    modes = labels, *fit_modes(problem, labels, np.zeros((2, size)))
+    drawn = sample_joint(problem, 3, modes, 4000)[0][:, 0].mean(axis=1)
     slope = 35.0 / 4        # of the signal by the sum of the logits
     density = stats.norm(35.0 * 0.5 * size + slope * size * apart * np.array([-1, 1]),
                          np.hypot(1, slope * 2e-3 * np.sqrt(size))).pdf(problem.targets)

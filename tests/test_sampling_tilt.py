@@ -41,35 +41,46 @@ def test_series_and_closed_form_meet_where_they_switch(sign):
     np.testing.assert_allclose(np.array(below), np.array(above), atol=2e-11)
 
 
+def means(operator):
+    """Means (N,) of the coefficients under the tilt."""
+    return tilt_moments(max_entropy_tilt(operator)[0] @ operator.A)[1]
+
+
+def gradient(operator):
+    """Largest of F by theta. The stopping rule is of whitened rows: |A| is 1 as every row of A sums
+    to 1.
+    """
+    theta, _ = max_entropy_tilt(operator)
+    return np.abs(operator.A @ means(operator) - operator.y
+                  + operator.noise_covariance @ theta).max()
+
+
 @pytest.mark.parametrize("coefficients, bands", [(4, 4), (5, 3), (9, 3), (21, 3), (13, 6)])
 @pytest.mark.parametrize("error", [0.0, 1e-3, 0.05])
 def test_means_reproduce_the_signal_up_to_the_noise(coefficients, bands, error):
     A = camera(coefficients, bands)
     operator = measurement(A, A @ np.random.default_rng(2).uniform(0.1, 0.9, coefficients), error)
-    tilt = max_entropy_tilt(operator)
-    assert tilt.reachable
-    assert np.all((tilt.c > 0) & (tilt.c < 1))
-    # The stopping rule, brought back from whitened rows: |A| is 1 as every row of A sums to 1.
-    np.testing.assert_allclose(A @ tilt.c + error**2 * tilt.theta, operator.y, atol=GRADIENT_ATOL)
-    np.testing.assert_allclose(tilt.h, A.T @ tilt.theta, rtol=1e-9, atol=1e-9)
+    assert max_entropy_tilt(operator)[1]
+    c = means(operator)
+    assert np.all((c > 0) & (c < 1))
+    assert gradient(operator) < GRADIENT_ATOL
 
 
 def test_the_negative_of_a_signal_has_the_negative_tilt():
     A = camera(9)
     y = A @ np.random.default_rng(4).uniform(size=9)
-    positive, negative = max_entropy_tilt(measurement(A, y)), max_entropy_tilt(measurement(A,
-                                                                                           1 - y))
+    positive, negative = means(measurement(A, y)), means(measurement(A, 1 - y))
     # Both stop at a gradient under 1e-10; the smallest singular value of the Hessian here is above
     # 1e-4.
-    np.testing.assert_allclose(negative.c, 1 - positive.c, atol=1e-6)
+    np.testing.assert_allclose(negative, 1 - positive, atol=1e-6)
 
 
 @pytest.mark.parametrize("coefficients", [5, 9, 21])
 @pytest.mark.parametrize("error", [1e-4, 0.01, 0.1])
 def test_noise_gives_every_signal_a_tilt(coefficients, error):
-    tilt = max_entropy_tilt(measurement(camera(coefficients), np.array([0.1, 1.2, -0.1]), error))
-    assert not tilt.reachable
-    assert tilt.residual < GRADIENT_ATOL
+    operator = measurement(camera(coefficients), np.array([0.1, 1.2, -0.1]), error)
+    assert not max_entropy_tilt(operator)[1]
+    assert gradient(operator) < GRADIENT_ATOL
 
 
 def test_a_signal_out_of_reach_without_noise_is_an_error():
@@ -85,7 +96,7 @@ def test_perfect_black_and_white_without_noise_are_on_the_edge(reflectance):
     with pytest.raises(ConvergenceError, match="lies on the edge of what reflectances between 0 "
                        "and 1 can give"):
         max_entropy_tilt(measurement(A, A @ np.full(7, reflectance)))
-    assert max_entropy_tilt(measurement(A, A @ np.full(7, reflectance), 1e-3)).reachable
+    assert max_entropy_tilt(measurement(A, A @ np.full(7, reflectance), 1e-3))[1]
 
 
 @pytest.mark.parametrize("field", ["A", "y", "noise_covariance"])
@@ -113,4 +124,4 @@ def test_a_covariance_that_is_none_is_an_error(covariance):
 
 def test_a_covariance_of_lower_rank_is_allowed():
     operator = MeasurementOperator(camera(7), np.full(3, 0.4), 1e-4 * np.ones((3, 3)))
-    assert max_entropy_tilt(operator).residual < GRADIENT_ATOL
+    assert gradient(operator) < GRADIENT_ATOL

@@ -133,9 +133,9 @@ def near_the_walls(lit, truth):
     rows = replace(rows, **{name: getattr(rows, name)[picked] for name in (
         "signals", "error_level", "measured", "flags", "grey_error", "variance")},
         light=None if rows.light is None else rows.light[picked], white=rows.white.rows(picked))
-    made = lit.direct(rows)
+    mean, deviation, _ = lit.direct(rows)
     at = np.searchsorted(PRIOR_GRID.nm, STEP_NM)
-    return (made.mean[:, at], made.standard_deviation[:, at]), at_step(
+    return (mean[:, at], deviation[:, at]), at_step(
         truth.reshape(-1, NM.size)[picked])
 
 
@@ -205,9 +205,8 @@ def test_few_typical_lights_stand_for_the_light_on_every_pixel(lighting):
     shared = [uplift_signals(errors.prior, errors.responses[kind], signal[None], error)
               for kind, signal, error in zip(rows.light[picked], rows.within[picked], each,
                                              strict=True)]
-    mean, spread = (np.vstack([getattr(each, name) for each in alone])
-                    for name in ("mean", "standard_deviation"))
-    off = np.vstack([each.mean for each in shared]) - mean
+    mean, spread, _ = (np.concatenate(each) for each in zip(*alone, strict=True))
+    off = np.vstack([each for each, _, _ in shared]) - mean
     assert picked.size > 25 and len(light.typical) > 1
     # measured: 1.1 % of what spectra are known to
     assert np.sqrt(np.mean(off**2)) < 0.02 * np.sqrt(np.mean(spread**2))

@@ -56,10 +56,10 @@ def layers(path):
 def test_the_files_hold_the_spectra_of_the_table(tmp_path):
     image = picture()
     facts = answer(tmp_path, image)
-    table, = build_tables(load_prior(), response_of_names(CAMERA, LIGHT),
-                          lambda signals: [relative_errors(signals, 0.01)],
-                          np.ones((SIDE,) * 3, bool))
-    mean, spread = uplift_pixels(table, image.reshape(-1, 3))
+    [table], row = build_tables(load_prior(), response_of_names(CAMERA, LIGHT),
+                                lambda signals: [relative_errors(signals, 0.01)],
+                                np.ones((SIDE,) * 3, bool))
+    mean, spread = uplift_pixels(table, row, image.reshape(-1, 3))
     for name, values, step in (("mean", mean, 2), ("standard_deviation", spread, 4)):
         kept, channels = layers(facts[name])
         assert channels == [f"T.{nm:g},000000nm" for nm in PRIOR_GRID.nm[::step]]
@@ -75,10 +75,10 @@ def test_in_full_every_wavelength_is_kept_in_single_floats(tmp_path):
     image = picture(3, 4)       # fewer pixels than points of the table: each by itself
     facts = answer(tmp_path, image, full=True)
     signals = image.reshape(-1, 3).astype(float)
-    direct = uplift_signals(load_prior(), response_of_names(CAMERA, LIGHT), signals,
-                            relative_errors(signals, 0.01))
-    for name in ("mean", "standard_deviation"):
-        kept, values = layers(facts[name])[0], getattr(direct, name)
+    mean, spread, _ = uplift_signals(load_prior(), response_of_names(CAMERA, LIGHT), signals,
+                                     relative_errors(signals, 0.01))
+    for name, values in (("mean", mean), ("standard_deviation", spread)):
+        kept, _ = layers(facts[name])
         np.testing.assert_allclose(kept.reshape(12, 61), values, rtol=4 * SINGLE)
 
 

@@ -25,6 +25,7 @@ from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.reconstruct.inverse_rendering import reconstruct
 from spectrabox.reconstruct.rendering.renderer import start_mitsuba
+from spectrabox.reconstruct.shape.shape_fit import with_mesh
 from spectrabox.reconstruct.view import MaterialSpec, PhotoView
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.published.baselines import best_by_signals
@@ -32,7 +33,6 @@ from spectrabox.sampling.published.per_axis_box import sample_per_axis
 from spectrabox.sampling.spectral_measurement import spline_operator
 
 from benchmarks.paper.figure_4 import spectra_behind
-from benchmarks.paper.shape_fit import with_mesh
 from benchmarks.paper.synthetic_photo import (
     BANDS,
     GRID,
@@ -58,9 +58,9 @@ def main() -> None:
     as_published, ours = (SpectralMeasurement(GRID, camera_response(), answer.signal[0],
                                               np.zeros((3, 3)))
                           for answer in found)
-    box = sample_per_axis(spline_operator(as_published, COEFFICIENTS),
-                          np.clip(found[0].coefficients[0], 0, 1), DRAWS, 0)
-    spectra = box.coefficients @ basis_matrix(PRIOR_GRID.nm, COEFFICIENTS).T
+    box, _ = sample_per_axis(spline_operator(as_published, COEFFICIENTS),
+                             np.clip(found[0].coefficients[0], 0, 1), DRAWS, 0)
+    spectra = box @ basis_matrix(PRIOR_GRID.nm, COEFFICIENTS).T
     best = best_by_signals(spectra[:, [0, 60]], np.interp((400.0, 700.0), GRID.nm, truth),
                             KEPT)
     draws = {("paper", False): spectra, ("paper", True): spectra[best]}

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.calibrate.camera_curves import curve_band
+from spectrabox.calibrate.camera_curves import curve_band, curve_draws
 from spectrabox.calibrate.chart_calibration import (
     CalibrationOptions,
     ChartCalibration,
@@ -54,11 +54,11 @@ def judged(found: ChartCalibration, truth: np.ndarray, samples: PatchSamples) ->
     """Relative RMSE of the curves, coverage of the 90 % band, misfit of the photo, CIEDE2000 of
     held-out patches.
     """
-    curves, band = found.calibration.sensitivity.curves, curve_band(found)
+    curves, band = found.calibration.sensitivity.curves, curve_band(found, curve_draws(found))
     ours, theirs = to_green(curves), to_green(truth)
     assert band is not None
     scale = curves[1].max() / truth[1].max()
-    inside = (scale * truth >= band.lower) & (scale * truth <= band.upper)
+    inside = (scale * truth >= band[0]) & (scale * truth <= band[1])
     return {"error": float(np.sqrt(((ours - theirs)**2).sum(axis=1)
                                    / (theirs**2).sum(axis=1)).mean()),
             "coverage_90": float(inside.mean()),
@@ -81,11 +81,12 @@ def picture(answers: dict[str, ChartCalibration], truth: np.ndarray, power: np.n
     axes[0].set(title=LIGHT, xlabel="wavelength (nm)")
     for axis, method in zip(axes[1:], ("paper", "prior"), strict=False):
         curves = answers[method].calibration.sensitivity.curves
-        band_of = curve_band(answers[method])
+        band_of = curve_band(answers[method], curve_draws(answers[method]))
         scale = truth[1].max() / curves[1].max()
         assert band_of is not None
+        lower, upper = band_of
         for band, colour in enumerate(COLOURS):
-            axis.fill_between(GRID.nm, scale * band_of.lower[band], scale * band_of.upper[band],
+            axis.fill_between(GRID.nm, scale * lower[band], scale * upper[band],
                               color=colour, alpha=0.2)
             axis.plot(GRID.nm, scale * curves[band], color=colour, linestyle="--")
             axis.plot(GRID.nm, truth[band], color=colour)

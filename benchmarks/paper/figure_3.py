@@ -64,7 +64,7 @@ def by_posterior(signals: np.ndarray, errors: np.ndarray, response: np.ndarray,
     count = len(exponents)
     transport = LightTransport(("one", "other"), exponents, np.eye(count))
     problem = joint_problem(transport, response, signals[:count], errors[:count], load_prior())
-    return sample_joint(problem, 0).spectra
+    return sample_joint(problem, 0)[0]
 
 
 def picture(shown: dict[str, np.ndarray], truths: np.ndarray, path: Path) -> None:

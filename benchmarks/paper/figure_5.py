@@ -66,12 +66,10 @@ def main() -> None:
             exact = SpectralMeasurement(FINE, response, response @ truth, np.zeros((3, 3)))
             measured = {count: into_reach(spline_operator(exact, count))[0]
                         for count in (coarse, fine)}
-            draws = {"coarse": sample_polytope(measured[coarse], arguments.draws, 0).coefficients,
-                     "as published": refined_as_published(exact, coarse, fine, arguments.draws,
-                                                          0).coefficients,
-                     "refined": sample_refined(exact, measured[coarse], fine, arguments.draws,
-                                               0).coefficients,
-                     "fine": sample_polytope(measured[fine], arguments.draws, 0).coefficients}
+            draws = {"coarse": sample_polytope(measured[coarse], arguments.draws, 0)[0],
+                     "as published": refined_as_published(exact, coarse, fine, arguments.draws, 0),
+                     "refined": sample_refined(exact, measured[coarse], fine, arguments.draws, 0),
+                     "fine": sample_polytope(measured[fine], arguments.draws, 0)[0]}
             for name, c in draws.items():
                 spectra = c @ basis_matrix(NM, c.shape[1]).T
                 if index == SHOWN:

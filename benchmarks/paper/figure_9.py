@@ -92,7 +92,7 @@ def judge_picture(regions: Sequence[np.ndarray], nm: np.ndarray, names: Sequence
         for method in tuple(METHODS)[::-1]:
             spectra = draw_spectra(measurement, method, SAMPLES, SEED, COEFFICIENTS, prior).spectra
             by_method[method] = (spectra.mean(axis=0), spectra)
-        scored += [ScoredSpectrum(name, method, judged(PRIOR_GRID.nm, truth, mean, LIGHTS, draws))
+        scored += [(name, method, judged(PRIOR_GRID.nm, truth, mean, LIGHTS, draws))
                    for method, (mean, draws) in by_method.items()]
     return Judgement(list(regions), scored, averaged(scored))
 
@@ -100,14 +100,14 @@ def judge_picture(regions: Sequence[np.ndarray], nm: np.ndarray, names: Sequence
 def averaged(rows: Sequence[ScoredSpectrum]) -> list[ScoredSpectrum]:
     """One row a method: its scores averaged over the regions."""
     averages = []
-    for method in dict.fromkeys(row.method for row in rows):
-        mine = [asdict(row.scores) for row in rows if row.method == method]
+    for method in dict.fromkeys(method for _, method, _ in rows):
+        mine = [asdict(scores) for _, one, scores in rows if one == method]
         means: dict[str, Any] = {
             key: float(np.mean([one[key] for one in mine]))
             for key in ("rmse", "spectral_angle", "rmse_best_scale", *dict(BAND_SCORES))}
         means["delta_e00"] = {light: float(np.mean([one["delta_e00"][light] for one in mine]))
                               for light in LIGHTS}
-        averages.append(ScoredSpectrum(f"mean of {len(mine)}", method, SpectrumScores(**means)))
+        averages.append((f"mean of {len(mine)}", method, SpectrumScores(**means)))
     return averages
 
 
@@ -166,7 +166,7 @@ def picture(judgement: Judgement, chart: np.ndarray, signals: list[np.ndarray],
         axis.set(title=f"patch {index + 1}", xlabel="wavelength (nm)", ylabel="reflectance",
                  ylim=(0, 1))
     axes[0].legend(fontsize=7)
-    averages = {row.method: asdict(row.scores) for row in judgement.averages}
+    averages = {method: asdict(scores) for _, method, scores in judgement.averages}
     names = list(averages)
     for offset, key in enumerate(("rmse", "rmse_best_scale")):
         axes[3].bar(np.arange(len(names)) + 0.4 * offset,
@@ -229,7 +229,8 @@ def main() -> None:
     text = judgement_text(judgement.scored + judgement.averages)
     picture(judgement, chart, signals, arguments.out)
     if arguments.json:
-        print(json.dumps({"means": {row.method: asdict(row.scores) for row in judgement.averages},
+        print(json.dumps({"means": {method: asdict(scores)
+                                    for _, method, scores in judgement.averages},
                           "fitted_on": len(curves), "picture": str(arguments.out)}))
         return
     print("Paper: the spectra of an image-based network (MST++) are far from the truth. Stand-in "

@@ -1,14 +1,13 @@
 """A printed ChArUco board and its pose in the scene; points of the scene picked in a photo."""
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from spectrabox.radiometry import checked_tables, errors, shaped
+from spectrabox.radiometry import checked_tables, errors
 
 MIN_SQUARES = 3
 Vector = Annotated[checked_tables.ListOf[float], Field(min_length=3, max_length=3)]
@@ -18,34 +17,25 @@ ADVICE = "see docs/how-to/geometry.md"
 SQUARE_ANGLE = 1e-3     # radians: how far from a right angle the two directions of a board may be
 
 
-@dataclass(frozen=True, eq=False)
-class Board(shaped.Record):
-    """Lengths in the scene's unit. Its corner, at the top left as printed, lies at ``origin``."""
+class Board(checked_tables.Table):
+    """A board as its file describes it, lengths in the scene's unit.
 
-    columns: int
-    rows: int
-    square: float
-    marker: float
-    dictionary: str = "DICT_5X5_100"
-    legacy: bool = False                            # with the pattern of OpenCV before 4.6
-    axes: Annotated[np.ndarray, "3 3"] | None = None    # rows: origin, to the right, down
-
-
-class BoardTable(checked_tables.Table):
-    """A board file."""
+    Its corner, at the top left as printed, lies at ``origin``, its edges along ``right`` and
+    ``down``.
+    """
 
     columns: int = Field(ge=MIN_SQUARES)
     rows: int = Field(ge=MIN_SQUARES)
     square: float
     marker: float
-    dictionary: str = Board.dictionary
-    legacy: bool = Board.legacy
+    dictionary: str = "DICT_5X5_100"
+    legacy: bool = False            # with the pattern of OpenCV before 4.6
     origin: Vector | None = None
     right: Vector | None = None
     down: Vector | None = None
 
     @model_validator(mode="after")
-    def markers_lie_in_squares(self) -> BoardTable:
+    def markers_lie_in_squares(self) -> Board:
         """Refuse a marker that would not fit."""
         if not 0 < self.marker < self.square:
             raise ValueError(f"the marker is {self.marker:g} and the square {self.square:g} wide; "
@@ -53,7 +43,7 @@ class BoardTable(checked_tables.Table):
         return self
 
     @model_validator(mode="after")
-    def edges_are_at_a_right_angle(self) -> BoardTable:
+    def edges_are_at_a_right_angle(self) -> Board:
         """Refuse a pose in the scene that is stated in part, or askew."""
         stated = [name for name in POSE_KEYS if getattr(self, name) is not None]
         if stated and len(stated) < len(POSE_KEYS):
@@ -100,9 +90,7 @@ def read_board(path: Path) -> Board:
     InputError
         Naming every key that is unknown, missing or wrong.
     """
-    table = checked_tables.checked(BoardTable, checked_tables.read_toml(path, ADVICE), path.name)
-    return Board(table.columns, table.rows, table.square, table.marker, table.dictionary,
-                 table.legacy, table.axes())
+    return checked_tables.checked(Board, checked_tables.read_toml(path, ADVICE), path.name)
 
 
 def in_scene(board: Board, positions: np.ndarray, name: str) -> np.ndarray:
@@ -121,12 +109,13 @@ def in_scene(board: Board, positions: np.ndarray, name: str) -> np.ndarray:
     InputError
         If the board's file does not say where it lies.
     """
-    if board.axes is None:
+    axes = board.axes()
+    if axes is None:
         raise errors.InputError(
             f"{name} does not say where the board lies in the scene; add origin = [x, "
             "y, z] (its top-left corner as printed), right = [x, y, z] and down = [x, "
             "y, z] (the directions of its edges)")
-    return board.axes[0] + positions[:, :2] @ board.axes[1:]
+    return np.asarray(axes[0] + positions[:, :2] @ axes[1:])
 
 
 def read_points(path: Path) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:

@@ -45,36 +45,39 @@ class Pose(shaped.Record):
     residuals_px: Annotated[np.ndarray, "n 2"]          # photo - reprojection
     rms_px: float
 
+    @property
+    def position(self) -> np.ndarray:
+        """Where (3,) the camera is in the scene, in its unit."""
+        return self._view(np.zeros(6))[:3]
 
-@dataclass(frozen=True, eq=False)
-class CameraPosition(shaped.Record):
-    """Where the camera is in the scene, in its unit, and where it looks."""
+    @property
+    def position_standard_error(self) -> np.ndarray:
+        """Of the position (3,)."""
+        return np.sqrt(np.diag(self._view_covariance)[:3])
 
-    position: Annotated[np.ndarray, "3"]
-    position_standard_error: Annotated[np.ndarray, "3"]
-    direction: Annotated[np.ndarray, "3"]
-    direction_standard_error_deg: float
+    @property
+    def direction(self) -> np.ndarray:
+        """Unit vector (3,) along which the camera looks."""
+        return self._view(np.zeros(6))[3:]
 
+    @property
+    def direction_standard_error_deg(self) -> float:
+        """Of the direction."""
+        return float(np.degrees(np.sqrt(np.trace(self._view_covariance[3:, 3:]))))
 
-def camera_position(pose: Pose) -> CameraPosition:
-    """Position and viewing direction, with their standard errors.
+    def _view(self, step: np.ndarray) -> np.ndarray:
+        """Position and direction (6,) of the camera moved by a step (6,), as of the covariance."""
+        rotation = _turn(step[:3]) @ self.world_to_camera[:3, :3]
+        return np.concatenate([-rotation.T @ (self.world_to_camera[:3, 3] + step[3:]), rotation[2]])
 
-    Parameters
-    ----------
-    pose : Pose
-    """
-    def seen(step: np.ndarray) -> np.ndarray:
-        rotation = _turn(step[:3]) @ pose.world_to_camera[:3, :3]
-        return np.concatenate([-rotation.T @ (pose.world_to_camera[:3, 3] + step[3:]), rotation[2]])
-
-    sizes = np.repeat([STEP, STEP * max(float(np.linalg.norm(pose.world_to_camera[:3, 3])), STEP)],
-                      3)
-    jacobian = np.stack([(seen(step) - seen(-step)) / (2 * size)
-                         for step, size in zip(np.diag(sizes), sizes, strict=True)], axis=1)
-    covariance = jacobian @ pose.covariance @ jacobian.T
-    middle = seen(np.zeros(6))
-    angle = float(np.degrees(np.sqrt(np.trace(covariance[3:, 3:]))))
-    return CameraPosition(middle[:3], np.sqrt(np.diag(covariance)[:3]), middle[3:], angle)
+    @property
+    def _view_covariance(self) -> np.ndarray:
+        """Covariance (6, 6) of position and direction."""
+        sizes = np.repeat([STEP, STEP * max(float(np.linalg.norm(self.world_to_camera[:3, 3])),
+                                            STEP)], 3)
+        jacobian = np.stack([(self._view(step) - self._view(-step)) / (2 * size)
+                             for step, size in zip(np.diag(sizes), sizes, strict=True)], axis=1)
+        return np.asarray(jacobian @ self.covariance @ jacobian.T)
 
 
 def pinhole(lens: Lens) -> np.ndarray:

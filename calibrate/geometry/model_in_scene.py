@@ -82,13 +82,12 @@ def model_in_scene(images: Mapping[str, colmap_model.ModelImage], marks: Marks,
                                                    for name in seen[point]}, images)
                              for point in twice])
     start = _umeyama(triangulated, there)
-    known = [_Known(images[picture], tuple(points),
-                    np.array([positions[point] for point in points], dtype=float),
-                    np.array([*points.values()], dtype=float))
-             for picture, points in marks.items() if points]
+    known = _known(images, marks, positions)
     fit = _refined(start, known)
     names = [(picture, point) for picture, points in marks.items() for point in points]
-    _require_explained(fit, start, known, twice)
+    _require_explained(fit, start, known, {
+        point: _known(images, marks, positions, without=point)
+        for point in (twice if len(twice) > MIN_POINTS else ())})
     scale, rotation, shift = _parts(start, fit)
     misses = _misses(start, fit, known)
     jacobian = _slope(start, fit, known)
@@ -176,23 +175,19 @@ def _umeyama(model: np.ndarray, scene: np.ndarray) -> tuple[float, np.ndarray, n
 Similarity = tuple[float, np.ndarray, np.ndarray]
 
 
-@dataclass(frozen=True)
-class _Known:
-    """What one picture shows: places (n, 3) in the scene at pixels (n, 2)."""
-
-    image: colmap_model.ModelImage
-    names: tuple[str, ...]
-    places: np.ndarray
-    points_px: np.ndarray
-
-    def without(self, name: str) -> _Known:
-        """All but one point."""
-        kept = [index for index, other in enumerate(self.names) if other != name]
-        return _Known(self.image, tuple(self.names[index] for index in kept), self.places[kept],
-                      self.points_px[kept])
+# of every picture its image, and places (n, 3) in the scene with the pixels (n, 2) they lie at
+Known = list[tuple[colmap_model.ModelImage, np.ndarray, np.ndarray]]
 
 
-Known = list[_Known]
+def _known(images: Mapping[str, colmap_model.ModelImage], marks: Marks,
+           positions: Mapping[str, tuple[float, float, float]],
+           without: str | None = None) -> Known:
+    """What the pictures show, all but one point where it is named."""
+    shown = {picture: [point for point in points if point != without]
+             for picture, points in marks.items()}
+    return [(images[picture], np.array([positions[point] for point in points], dtype=float),
+             np.array([marks[picture][point] for point in points], dtype=float))
+            for picture, points in shown.items() if points]
 
 
 def _parts(start: Similarity, step: np.ndarray) -> Similarity:
@@ -205,11 +200,11 @@ def _misses(start: Similarity, step: np.ndarray, known: Known) -> np.ndarray:
     """Pixels (n, 2) by which the marks are missed."""
     scale, rotation, shift = _parts(start, step)
     missed = []
-    for seen in known:
-        turn = seen.image.world_to_camera[:3, :3] @ rotation.T
-        there = scale * seen.image.world_to_camera[:3, 3] - turn @ shift
+    for image, places, points_px in known:
+        turn = image.world_to_camera[:3, :3] @ rotation.T
+        there = scale * image.world_to_camera[:3, 3] - turn @ shift
         pose = np.concatenate([Rotation.from_matrix(turn).as_rotvec(), there])
-        missed.append(projection.projected(seen.places, pose, seen.image.lens)[0] - seen.points_px)
+        missed.append(projection.projected(places, pose, image.lens)[0] - points_px)
     return np.concatenate(missed)
 
 
@@ -236,9 +231,9 @@ def _refined(start: Similarity, known: Known) -> np.ndarray:
 
 
 def _require_explained(fit: np.ndarray, start: Similarity, known: Known,
-                       twice: list[str]) -> None:
-    """Refuse marks that no similarity explains, with the one without which it would."""
-    allowed = ACCEPTED_SHARE * float(np.mean([seen.image.lens.width for seen in known]))
+                       without: Mapping[str, Known]) -> None:
+    """Refuse marks that no similarity explains, with the point ``without`` which it would."""
+    allowed = ACCEPTED_SHARE * float(np.mean([image.lens.width for image, _, _ in known]))
 
     def rms(step: np.ndarray, marks: Known) -> float:
         return float(np.sqrt(np.mean(np.sum(_misses(start, step, marks) ** 2, axis=1))))
@@ -248,8 +243,7 @@ def _require_explained(fit: np.ndarray, start: Similarity, known: Known,
         return
     refusal = (f"the model does not fit the marked points (rms {fitted_rms:.1f} pixels, at most "
                f"{allowed:.1f} is accepted); ")
-    for point in twice if len(twice) > MIN_POINTS else ():
-        others = [kept for seen in known if (kept := seen.without(point)).names]
+    for point, others in without.items():
         if rms(_refined(start, others), others) <= allowed:
             raise errors.CheckError(refusal + f"without {point!r} the others fit: correct it")
     raise errors.CheckError(refusal

@@ -53,15 +53,6 @@ class PhotoState(Record):
         return np.where(size > GLARE_SIGMA * self.glare_error, size, 0.0)
 
 
-@dataclass(frozen=True, eq=False)
-class CurveMoments(Record):
-    """Curves of largest value 1 with their covariance (D = K N), and the peak divided out."""
-
-    coefficients: Annotated[np.ndarray, "K N"]
-    covariance: Annotated[np.ndarray, "D D"]
-    peak: float
-
-
 def camera_alone(posterior: prior_fit.CurvePosterior, bands: int) -> prior_fit.CurvePosterior:
     """The camera's own curves, without what the first photo's light departs by from its statement.
 
@@ -108,8 +99,10 @@ def relit(posterior: prior_fit.CurvePosterior,
             for photo, light in zip(photos, posterior.lights, strict=True)]
 
 
-def curve_moments(posterior: prior_fit.CurvePosterior, bands: int) -> CurveMoments:
-    """Mean and covariance of the mixture, divided by the largest value.
+def curve_moments(posterior: prior_fit.CurvePosterior,
+                  bands: int) -> tuple[np.ndarray, np.ndarray, float]:
+    """Coefficients (K, N) of the mixture's mean curves at a largest value of 1, their covariance
+    (K N, K N), and the peak that was divided out.
 
     Where the mean dips below zero it is raised to zero and everything that varies with it moves
     along, so that what the photo says stays fitted. The covariance is that of the mixture without
@@ -127,8 +120,8 @@ def curve_moments(posterior: prior_fit.CurvePosterior, bands: int) -> CurveMomen
     coefficients = mean.reshape(bands, -1)
     curves = coefficients @ posterior.basis.T
     peak = float(curves.max())
-    return CurveMoments(coefficients / peak, _scaled(coefficients / peak, posterior.basis,
-                                                     covariance / peak**2), peak)
+    return (coefficients / peak,
+            _scaled(coefficients / peak, posterior.basis, covariance / peak**2), peak)
 
 
 def draw_curves(posterior: prior_fit.CurvePosterior, bands: int, draws: int,
@@ -190,8 +183,8 @@ def sensitivity_draws(calibration: calibration_records.Calibration, draws: int,
     return curves / curves.max(axis=(1, 2), keepdims=True)
 
 
-def prior_share(posterior: prior_fit.CurvePosterior, prior: camera_prior.CameraPrior,
-                moments: CurveMoments) -> np.ndarray:
+def prior_share(posterior: prior_fit.CurvePosterior,
+                prior: camera_prior.CameraPrior) -> np.ndarray:
     """Share (K, P) of each curve's prior uncertainty that the photo left, 0 to 1.
 
     Standard deviation after over before, both of curves divided by their largest value, for the
@@ -202,22 +195,20 @@ def prior_share(posterior: prior_fit.CurvePosterior, prior: camera_prior.CameraP
     posterior : CurvePosterior
     prior : CameraPrior
         With which the posterior was made.
-    moments : CurveMoments
-        Of the posterior.
     """
+    coefficients, covariance, peak = curve_moments(posterior, prior.bands)
     spread = np.sqrt(prior.weights)[:, None] * (prior.means - prior.weights @ prior.means)
     of_level = np.bincount(prior.level, prior.weights,
                            minlength=len(prior.widening)) * prior.widening**2
     # In a logarithmic state a curve that turns out dark had room to: its variance beforehand is
     # that of the mean camera, not of the dark curve.
-    slope = np.maximum(prior.slope(prior.state(moments.coefficients.ravel() * moments.peak)),
+    slope = np.maximum(prior.slope(prior.state(coefficients.ravel() * peak)),
                        prior.slope(prior.means[-1]))
     before = np.outer(slope, slope) * (
         spread.T @ spread + np.einsum("l,lij->ij", of_level, prior.covariances()))
     after, prior_variance = (
-        curve_variance(posterior.basis, covariance, prior.bands) for covariance in (
-            moments.covariance, _scaled(moments.coefficients, posterior.basis,
-                                        before / moments.peak**2)))
+        curve_variance(posterior.basis, each, prior.bands) for each in (
+            covariance, _scaled(coefficients, posterior.basis, before / peak**2)))
     floor = 1e-6 * prior_variance.max()
     return np.clip(np.sqrt(after / np.maximum(prior_variance, floor)), 0,
                    1) * (prior_variance > floor)
@@ -240,7 +231,7 @@ def curve_variance(basis: np.ndarray, covariance: np.ndarray, bands: int) -> np.
 
 
 def photo_states(posterior: prior_fit.CurvePosterior, photos: list[chart_equations.ChartEquations],
-                 moments: CurveMoments) -> list[PhotoState]:
+                 coefficients: np.ndarray, peak: float) -> list[PhotoState]:
     """Exposure, field and glare of every photo, and the signals that follow.
 
     Parameters
@@ -248,11 +239,11 @@ def photo_states(posterior: prior_fit.CurvePosterior, photos: list[chart_equatio
     posterior : CurvePosterior
     photos : list of ChartEquations
         In the order in which the posterior was made.
-    moments : CurveMoments
-        Of the posterior.
+    coefficients, peak : (K, N) array and float
+        Of the posterior, from ``curve_moments``.
     """
-    coefficients = moments.coefficients * moments.peak
-    bands, size = len(coefficients), coefficients.size
+    curves = coefficients * peak
+    bands, size = len(curves), curves.size
     mean, covariance = mixture_moments(posterior.weights, posterior.means, posterior.covariances)
     states = []
     for photo, (index, stop) in zip(photos,
@@ -262,16 +253,16 @@ def photo_states(posterior: prior_fit.CurvePosterior, photos: list[chart_equatio
         of_filter = slice(stop - modes.shape[1], stop)
         terms, own = photo.field_terms.shape[1], mean[index + 1:of_filter.start]
         predicted, _ = chart_equations.predicted_signal(
-            photo, chart_equations.unlit_design(photo, posterior.basis), coefficients, mean[index],
+            photo, chart_equations.unlit_design(photo, posterior.basis), curves, mean[index],
             mean[index + 1:stop], modes)
         glare = own[terms:] if photo.glare else np.zeros(bands)
         glare_error = (np.sqrt(np.diag(covariance)[index + 1 + terms:of_filter.start])
                        if photo.glare else np.zeros(bands))
         # white in each band, and its derivative by curves, log exposure and the filter
         power = photo.power @ posterior.basis
-        change = coefficients * power * chart_equations.passed_slope(modes @ mean[of_filter])
+        change = curves * power * chart_equations.passed_slope(modes @ mean[of_filter])
         power = power * chart_equations.passed(modes @ mean[of_filter])
-        white = coefficients @ power
+        white = curves @ power
         of_white = np.zeros((bands, len(covariance)))
         of_white[:, :size] = np.kron(np.eye(bands), power)
         of_white[:, index] = white
@@ -284,7 +275,7 @@ def photo_states(posterior: prior_fit.CurvePosterior, photos: list[chart_equatio
         jacobian = np.zeros((2 * bands + terms, len(covariance)))
         jacobian[:bands] = of_white / white[:, None]
         jacobian[bands:bands + own.size, index + 1:of_filter.start] = np.eye(own.size)
-        scale = float(np.exp(mean[index]) * moments.peak)
+        scale = float(np.exp(mean[index]) * peak)
         states.append(PhotoState(
             scale, float(scale * relative), np.exp(photo.field_terms @ own[:terms]), glare,
             glare_error, predicted.reshape(-1, bands),
@@ -292,8 +283,8 @@ def photo_states(posterior: prior_fit.CurvePosterior, photos: list[chart_equatio
                                            jacobian @ covariance @ jacobian.T),
             None if photo.filter is None else _fitted_filter(
                 photo.filter, mean[of_filter], covariance[of_filter, of_filter],
-                _scaled_rows(moments.coefficients, posterior.basis,
-                             covariance[of_filter, :size] / moments.peak))))
+                _scaled_rows(coefficients, posterior.basis,
+                             covariance[of_filter, :size] / peak))))
     return states
 
 

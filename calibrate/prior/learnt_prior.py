@@ -32,28 +32,20 @@ FLOOR = 0.008                # of the mean of all curves: below it changes are n
 UNLIKE = "a camera unlike those measured"
 
 
-@dataclass(frozen=True)
-class PriorConstants:
-    """Reach of the three levels; departures as in ``CameraPrior``, scaled for family and kin."""
-
-    family_weight: float = 0.25
-    kin_weight: float = 0.50
-    within: float = 1.2              # of the variance within families; the rest localised
-    family_between: float = 0.03     # share of the variance between all cameras
-    kin_between: float = 0.50
-    broad_between: float = 1.7
-    localised: tuple[float, float, float] = (0.5, 60.0, 0.3)
-    family_departure: float = 0.10   # of the standard deviation of what each band departs by
-    kin_departure: float = 0.25
-    # One body with two lenses differs by 1 to 6 %: the last two.
-    departures: tuple[float, ...] = (0.0, 1.0, 0.10, 30.0, 0.03, 120.0)
-
-
-CONSTANTS = PriorConstants()
+# Reach of the three levels; departures as in ``CameraPrior``, scaled for family and kin.
+FAMILY_WEIGHT, KIN_WEIGHT = 0.25, 0.50
+WITHIN = 1.2                 # of the variance within families; the rest localised
+# share of the variance between all cameras
+FAMILY_BETWEEN, KIN_BETWEEN, BROAD_BETWEEN = 0.03, 0.50, 1.7
+LOCALISED = (0.5, 60.0, 0.3)
+# of the standard deviation of what each band departs by
+FAMILY_DEPARTURE, KIN_DEPARTURE = 0.10, 0.25
+# One body with two lenses differs by 1 to 6 %: the last two.
+DEPARTURES = (0.0, 1.0, 0.10, 30.0, 0.03, 120.0)
 
 
 def build_prior(nm: np.ndarray, curves: np.ndarray, names: tuple[str, ...], *, source: str,
-                licence: str, constants: PriorConstants = CONSTANTS) -> CameraPrior:
+                licence: str) -> CameraPrior:
     """Prior learnt from measured cameras.
 
     Parameters
@@ -82,11 +74,11 @@ def build_prior(nm: np.ndarray, curves: np.ndarray, names: tuple[str, ...], *, s
     middle, between = between_makers(states, names)
     sizes = np.array([len(group) for group in groups], dtype=float)
     sizes /= max(sizes.sum(), 1.0)
-    family, kin = (constants.family_weight, constants.kin_weight) if groups else (0.0, 0.0)
+    family, kin = (FAMILY_WEIGHT, KIN_WEIGHT) if groups else (0.0, 0.0)
     centres = [states[group].mean(axis=0) for group in groups]
     joined = [", ".join(names[index] for index in group) for group in groups]
-    departures = np.tile(constants.departures, (3, 1))
-    departures[:, 2] *= [constants.family_departure, constants.kin_departure, 1.0]
+    departures = np.tile(DEPARTURES, (3, 1))
+    departures[:, 2] *= [FAMILY_DEPARTURE, KIN_DEPARTURE, 1.0]
     # Student's t over the normal quantile at 95 %, for a covariance learnt from few makers
     freedom = max(len({_maker(name) for name in names}) - 1, MIN_FREEDOM)
     widening = float(stdtrit(freedom, 0.95) / ndtri(0.95))
@@ -95,13 +87,11 @@ def build_prior(nm: np.ndarray, curves: np.ndarray, names: tuple[str, ...], *, s
         nm=nm, weights=np.concatenate([family * sizes, kin * sizes, [1 - family - kin]]),
         means=np.array([*centres, *centres, middle]),
         level=np.repeat([0, 1, 2], [len(groups), len(groups), 1]),
-        shares=np.array([[constants.within, constants.family_between],
-                         [constants.within, constants.kin_between],
-                         [0.0, constants.broad_between]]),
+        shares=np.array([[WITHIN, FAMILY_BETWEEN], [WITHIN, KIN_BETWEEN], [0.0, BROAD_BETWEEN]]),
         departures=departures, widening=np.array([1.0, widening, widening]),
         within=_leading(within_families(states, groups)), between=_leading(between),
         members=(*joined, *of_kin, UNLIKE), source=source, licence=licence, floor=FLOOR,
-        localised=constants.localised)
+        localised=LOCALISED)
 
 
 def families(states: np.ndarray) -> list[np.ndarray]:

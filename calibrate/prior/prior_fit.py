@@ -79,21 +79,9 @@ class Design(NamedTuple):
     light: LightDesign
 
 
-@dataclass(frozen=True, eq=False)
-class CurveCandidate(Record):
-    """One Gaussian of the mixture before it is conditioned on the photos.
-
-    A family of the prior, a spread of the gains and a size of the model error.
-    """
-
-    log_weight: float
-    family: int
-    gain_sd: float
-    error: chart_equations.PatchError
-    start: Annotated[np.ndarray, "Z"]
-    prior_covariance: Annotated[np.ndarray, "Z Z"]
-    jacobian: Annotated[np.ndarray, "Y Z"]
-    linear: Annotated[np.ndarray, "Y"]
+# a prediction of the signals that is linear in the state: its mean (Z,) and covariance (Z, Z)
+# beforehand, derivatives (Y, Z), and the data (Y,) of y = J state
+Linearised = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 def posterior_of_curves(photos: list[chart_equations.ChartEquations], prior: CameraPrior,
@@ -119,34 +107,67 @@ def posterior_of_curves(photos: list[chart_equations.ChartEquations], prior: Cam
     """
     basis = interpolation_matrix(prior.nm, grid.nm)
     designs = _designs(photos, basis)
+    # a prior without cameras knows nothing of gains either
+    gains = GAINS if prior.between.size else ((0.0, 1.0),)
+    # the last component first: it is the widest, and where it ends the others are nearly done
+    choices = list(product(range(len(prior.weights))[::-1], gains))
+    models, logs = _linear_models(photos, designs, prior, choices, model_errors)
+    errors = [chart_equations.PatchError(own, common)
+              for own, common in product(model_errors, chart_equations.COMMON_ERRORS)]
+    if not np.isfinite(logs.max()):
+        raise CalibrationError("the signals of the patches span too many orders of magnitude to be "
+                               "fitted; check the photo's black level and that the patches are "
+                               "those of the chart")
+    weights = np.exp(logs - logs.max())
+    log_evidence = float(logs.max() + np.log(weights.sum()))
+    weights /= weights.sum()            # of each model and error
+    kept = np.argwhere(weights > NEGLIGIBLE)
+    solved = [_in_curves(prior, *_condition(
+        models[model], chart_equations.noise_of_photos(photos, errors[error]), prior),
+        designs, photos) for model, error in kept]
+    families = np.array([family for family, _ in choices])
+    widening = prior.widening[prior.level[families]]
+    best, best_error = np.unravel_index(np.argmax(weights), weights.shape)
+    best_family, (best_gain_sd, _) = choices[best]
+    return CurvePosterior(
+        basis, weights[tuple(kept.T)] / weights[tuple(kept.T)].sum(),
+        np.array([mean for mean, _ in solved]),
+        np.array([covariance for _, covariance in solved])
+        * widening[kept[:, 0], None, None] ** 2,
+        np.bincount(np.repeat(families, len(errors)), weights.ravel(),
+                    minlength=len(prior.weights)),
+        chart_equations.mean_error(weights.ravel(), errors * len(models)), log_evidence,
+        best_family, best_gain_sd, errors[best_error], float(widening[best]),
+        tuple(light for _, light in designs) if any(light.terms.size for _, light in designs)
+        else ())
+
+
+def _linear_models(photos: list[chart_equations.ChartEquations], designs: list[Design],
+                   prior: CameraPrior, choices: list[tuple[int, tuple[float, float]]],
+                   model_errors: tuple[float, ...]) -> tuple[list[Linearised], np.ndarray]:
+    """The prediction of the signals for each choice of a family and a spread of gains, and the log
+    weights (models, errors) with each size of the model error, by bands and in common.
+    """
     own_noises = np.array([
         chart_equations.noise_of_photos(photos, chart_equations.PatchError(own))
         for own in model_errors
     ])
     patterns = chart_equations.common_patterns(photos)
     spreads = prior.covariances()
-    # a prior without cameras knows nothing of gains either
-    gains = GAINS if prior.between.size else ((0.0, 1.0),)
-    candidates, guess = [], None
-    # the last component first: it is the widest, and where it ends the others are nearly done
-    for family, (gain_sd, share) in product(range(len(prior.weights))[::-1], gains):
+    models: list[Linearised] = []
+    log_weights, guess = [], None
+    for family, (gain_sd, share) in choices:
         covariance, start = _joint_prior(prior, spreads[prior.level[family]], family, gain_sd,
                                          photos, designs)
         jacobian, linear, guess = _linearise(photos, designs, start, covariance, prior, guess)
         projected = _project(jacobian, _project(jacobian, covariance, prior).T, prior)
-        for shared in (start, covariance, jacobian, linear):
-            shared.flags.writeable = False  # else every candidate below would copy it
+        models.append((start, covariance, jacobian, linear))
         log_share = float(np.log(prior.weights[family] * share))
-        for own, own_noise in zip(model_errors, own_noises, strict=True):
-            evidence = log_densities(projected + own_noise, linear - jacobian @ start, patterns,
-                                     chart_equations.COMMON_ERRORS)
-            candidates += [
-                CurveCandidate(log_share + log_density, family, gain_sd,
-                               chart_equations.PatchError(own, common), start, covariance, jacobian,
-                               linear)
-                for common, log_density in zip(chart_equations.COMMON_ERRORS, evidence, strict=True)
-            ]
-    return _mixture(candidates, basis, prior, designs, photos)
+        log_weights.append([log_share + log_density for own_noise in own_noises
+                            for log_density in log_densities(
+                                projected + own_noise, linear - jacobian @ start, patterns,
+                                chart_equations.COMMON_ERRORS)])
+    return models, np.array(log_weights)
 
 
 def held_out_signals(
@@ -328,15 +349,15 @@ def _project(jacobian: np.ndarray, covariance: np.ndarray, prior: CameraPrior) -
     return np.asarray(projected)
 
 
-def _condition(candidate: CurveCandidate, noise: np.ndarray,
+def _condition(model: Linearised, noise: np.ndarray,
                prior: CameraPrior) -> tuple[np.ndarray, np.ndarray]:
     """Mean and covariance of a Gaussian given linear data."""
-    projected = _project(candidate.jacobian, candidate.prior_covariance, prior)
-    lower = np.linalg.cholesky(_project(candidate.jacobian, projected.T, prior) + noise)
+    start, covariance, jacobian, linear = model
+    projected = _project(jacobian, covariance, prior)
+    lower = np.linalg.cholesky(_project(jacobian, projected.T, prior) + noise)
     innovation, shrink = np.split(solve_triangular(lower, np.column_stack([
-        candidate.linear - candidate.jacobian @ candidate.start, projected]), lower=True), [1], 1)
-    return (candidate.start + shrink.T @ innovation[:, 0],
-            candidate.prior_covariance - shrink.T @ shrink)
+        linear - jacobian @ start, projected]), lower=True), [1], 1)
+    return start + shrink.T @ innovation[:, 0], covariance - shrink.T @ shrink
 
 
 def _designs(photos: list[chart_equations.ChartEquations], basis: np.ndarray) -> list[Design]:
@@ -405,30 +426,3 @@ def _in_curves(prior: CameraPrior, mean: np.ndarray, covariance: np.ndarray,
     across = columns @ (diagonal[:, None] * seen).T
     spread = covariance * np.outer(diagonal, diagonal) + across + across.T
     return moved, spread + columns @ (rows.T @ seen) @ columns.T
-
-
-def _mixture(candidates: list[CurveCandidate], basis: np.ndarray, prior: CameraPrior,
-             designs: list[Design], photos: list[chart_equations.ChartEquations]) -> CurvePosterior:
-    logs = np.array([candidate.log_weight for candidate in candidates])
-    if not np.isfinite(logs.max()):
-        raise CalibrationError("the signals of the patches span too many orders of magnitude to be "
-                               "fitted; check the photo's black level and that the patches are "
-                               "those of the chart")
-    weights = np.exp(logs - logs.max())
-    log_evidence = float(logs.max() + np.log(weights.sum()))
-    weights /= weights.sum()
-    by_family = np.bincount([candidate.family for candidate in candidates], weights,
-                            minlength=len(prior.weights))
-    error = chart_equations.mean_error(weights, [candidate.error for candidate in candidates])
-    kept = np.flatnonzero(weights > NEGLIGIBLE)
-    solved = [_in_curves(prior, *_condition(candidates[i], chart_equations.noise_of_photos(
-        photos, candidates[i].error), prior), designs, photos) for i in kept]
-    widening = prior.widening[prior.level[[candidates[i].family for i in kept]]]
-    best = candidates[int(np.argmax(weights))]
-    covariances = np.array([covariance for _, covariance in solved]) * widening[:, None, None] ** 2
-    return CurvePosterior(basis, weights[kept] / weights[kept].sum(),
-                          np.array([mean for mean, _ in solved]), covariances, by_family, error,
-                          log_evidence, best.family, best.gain_sd, best.error,
-                          float(prior.widening[prior.level[best.family]]),
-                          tuple(light for _, light in designs)
-                          if any(light.terms.size for _, light in designs) else ())

@@ -57,14 +57,14 @@ def fit_products(photos: list[chart_equations.ChartEquations], cameras: camera_p
     posterior = product_posterior.posterior_of_products(photos, prior)
     curves = _as_curves(posterior, photos, grid)
     without = _without_each(posterior, photos, grid, excluded)
-    moments = curve_posterior.curve_moments(curves, prior.bands)
-    states = curve_posterior.photo_states(curves, photos, moments)
-    share = _prior_share(posterior, curves, moments.covariance, grid)
+    coefficients, covariance, peak = curve_posterior.curve_moments(curves, prior.bands)
+    states = curve_posterior.photo_states(curves, photos, coefficients, peak)
+    share = _prior_share(posterior, curves, covariance, grid)
     light = light_posterior(posterior, grid)
     held_out = without.predicted(np.vstack([photos[0].reflectances] if excluded is None else [
         photos[0].reflectances, excluded.reflectances]))[:len(photos[0].signal)]
     fit = sensitivity.sensitivity_fit(
-        photos[0], curves, moments, states[0].predicted, held_out, grid,
+        photos[0], curves.basis, coefficients, covariance, states[0].predicted, held_out, grid,
         f"{spectra.PRODUCTS}, {light_words}: mixture of cameras "
         f"({cameras.source}) and {len(lamps.names)} lamps")
     best = max(posterior.hypotheses, key=lambda hypothesis: hypothesis.share)

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise, product
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -91,10 +91,9 @@ def posterior_of_products(photos: list[chart_equations.ChartEquations],
         Of one camera under one light, see ``fit_products`` on their ``power``.
     prior : ProductPrior
     """
-    return _solved(
-        prior,
-        _weighed(photos, prior, _about_the_best(photos, prior), WIDTHS, prior_fit.GAINS, ERRORS,
-                 chart_equations.COMMON_ERRORS))
+    chart = _about_the_best(photos, prior)
+    return _solved(photos, prior, chart, *_weighed(
+        photos, prior, chart, WIDTHS, prior_fit.GAINS, ERRORS, chart_equations.COMMON_ERRORS))
 
 
 def evidence_of_products(photos: list[chart_equations.ChartEquations],
@@ -107,9 +106,9 @@ def evidence_of_products(photos: list[chart_equations.ChartEquations],
         Of one camera under one light, see ``fit_products`` on their ``power``.
     prior : ProductPrior
     """
-    return _shares(
-        _weighed(photos, prior, _about_the_best(photos, prior), WIDTHS, prior_fit.GAINS, ERRORS,
-                 chart_equations.COMMON_ERRORS).tried)[1]
+    _, _, tried = _weighed(photos, prior, _about_the_best(photos, prior), WIDTHS, prior_fit.GAINS,
+                           ERRORS, chart_equations.COMMON_ERRORS)
+    return _shares(tried)[1]
 
 
 def _about_the_best(photos: list[chart_equations.ChartEquations],
@@ -127,8 +126,8 @@ def _about_the_best(photos: list[chart_equations.ChartEquations],
     filtered = any(photo.filter is not None for photo in photos)
     for _ in range(FILTER_STEPS if filtered else STEPS):
         chart = linearised(photos, prior, *best, before)
-        posterior = _solved(prior, _weighed(photos, prior, chart, WIDTHS[1:2], prior_fit.GAINS[1:2],
-                                            (prior_fit.LINEARISED_AT,)))
+        posterior = _solved(photos, prior, chart, *_weighed(
+            photos, prior, chart, WIDTHS[1:2], prior_fit.GAINS[1:2], (prior_fit.LINEARISED_AT,)))
         hypothesis = posterior.hypotheses[0]
         chosen = np.argsort(-hypothesis.weights)[:MAX_COMPONENTS]
         weights = hypothesis.weights[chosen] / hypothesis.weights[chosen].sum()
@@ -209,23 +208,18 @@ def node_reflectances(photo: chart_equations.ChartEquations, nm: np.ndarray) -> 
                       / (grid.FINE_GRID.weights_nm @ basis))
 
 
-@dataclass(frozen=True, eq=False)
-class _Weighed:
-    """Every hypothesis of one linearisation, with what each says of the components."""
-
-    chart: LinearChart
-    innovation: np.ndarray      # (C, Y)
-    own: np.ndarray             # (Y, Y) of the signals where patches are off by 1 in each band
-    readable: int               # signals, of Y
-    # width, spread of gains, error; log weights (C,), squares (C,), covariance (Y, Y) without error
-    tried: list[tuple[float, float, chart_equations.PatchError, np.ndarray, np.ndarray, np.ndarray]]
+# width, spread of gains and error of a hypothesis; log weights (C,), squares (C,), and the
+# covariance (Y, Y) without the error
+Weighed = tuple[tuple[float, float, chart_equations.PatchError], np.ndarray, np.ndarray, np.ndarray]
 
 
 def _weighed(photos: list[chart_equations.ChartEquations], prior: ProductPrior, chart: LinearChart,
              widths: tuple[tuple[float, float], ...], gains: tuple[tuple[float, float], ...],
-             errors: tuple[float, ...], in_common: tuple[float, ...] = (0.0,)) -> _Weighed:
-    """All hypotheses for one linearisation; ``errors`` of each band by itself, ``in_common`` of
-    all bands of a patch.
+             errors: tuple[float, ...], in_common: tuple[float, ...] = (0.0,)
+             ) -> tuple[np.ndarray, np.ndarray, list[Weighed]]:
+    """Innovations (C, Y) of the components for one linearisation, the covariance (Y, Y) of the
+    signals where patches are off by 1 in each band, and all hypotheses; ``errors`` of each band by
+    itself, ``in_common`` of all bands of a patch.
     """
     innovation = (chart.measured - chart.by_nuisance @ chart.nuisance_mean
                   - prior.components @ chart.by_component.T)
@@ -243,7 +237,7 @@ def _weighed(photos: list[chart_equations.ChartEquations], prior: ProductPrior, 
     ]
     log_prior = np.log(prior.weights)
     scaled = solve_triangular(root, innovation.T, lower=True).T
-    tried = []
+    tried: list[Weighed] = []
     for (width, width_share), (gain, gain_share), (common, noise) in product(
             widths, gains, zip(in_common, pixels, strict=True)):
         # Q = M + error^2 L L^T for every error at once, by the eigenvectors of L^-1 M L^-T
@@ -256,29 +250,29 @@ def _weighed(photos: list[chart_equations.ChartEquations], prior: ProductPrior, 
             square = rotated @ (1 / variances)
             logs = (log_prior - 0.5 * square - 0.5 * np.log(variances).sum()
                     - volume + np.log(width_share * gain_share))
-            tried.append((width, gain, chart_equations.PatchError(error,
-                                                                  common), logs, square, rest))
-    readable = sum(int(np.count_nonzero(photo.readable)) for photo in photos)
-    return _Weighed(chart, innovation, own, readable, tried)
+            tried.append(((width, gain, chart_equations.PatchError(error, common)), logs, square,
+                          rest))
+    return innovation, own, tried
 
 
-def _shares(tried: Sequence[tuple[Any, ...]]) -> tuple[np.ndarray, float]:
+def _shares(tried: Sequence[Weighed]) -> tuple[np.ndarray, float]:
     """Posterior probability of each hypothesis, and the log evidence of all together."""
-    top = max(float(logs.max()) for *_, logs, _, _ in tried)
-    evidence = np.array([np.exp(logs - top).sum() for *_, logs, _, _ in tried])
+    top = max(float(logs.max()) for _, logs, _, _ in tried)
+    evidence = np.array([np.exp(logs - top).sum() for _, logs, _, _ in tried])
     return evidence / evidence.sum(), float(top + np.log(evidence.sum()))
 
 
-def _solved(prior: ProductPrior, weighed: _Weighed) -> ProductPosterior:
-    """The mixture over the hypotheses that are not negligible."""
-    chart, innovation = weighed.chart, weighed.innovation
-    shares, log_evidence = _shares(weighed.tried)
+def _solved(photos: list[chart_equations.ChartEquations], prior: ProductPrior, chart: LinearChart,
+            innovation: np.ndarray, own: np.ndarray, tried: list[Weighed]) -> ProductPosterior:
+    """The mixture over the hypotheses that are not negligible, as ``_weighed`` has them."""
+    shares, log_evidence = _shares(tried)
+    readable = sum(int(np.count_nonzero(photo.readable)) for photo in photos)
     hypotheses = []
-    for (width, gain, error, logs, square, rest), share in zip(weighed.tried, shares, strict=True):
+    for ((width, gain, error), logs, square, rest), share in zip(tried, shares, strict=True):
         if share < NEGLIGIBLE:
             continue
         log_weights = logs - np.logaddexp.reduce(logs)
-        inverse = np.linalg.inv(rest + error.own**2 * weighed.own)
+        inverse = np.linalg.inv(rest + error.own**2 * own)
         projected = np.vstack([width * prior.covariance @ chart.by_component.T,
                                chart.nuisance_variance[:, None] * chart.by_nuisance.T,
                                gain**2 * chart.by_gain.T])
@@ -289,7 +283,7 @@ def _solved(prior: ProductPrior, weighed: _Weighed) -> ProductPosterior:
         hypotheses.append(Hypothesis(
             width, gain, error, float(share), log_weights, innovation @ inverse, inverse, projected,
             kalman, before - kalman @ projected.T,
-            float(np.exp(log_weights) @ square / weighed.readable)))
+            float(np.exp(log_weights) @ square / readable)))
     return ProductPosterior(prior, chart, tuple(hypotheses), log_evidence)
 
 

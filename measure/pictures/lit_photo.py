@@ -209,7 +209,7 @@ class LitPhoto:
         assert block.white is not None and block.variance is not None
         count, within = len(block.measured), block.within
         shape = count, mixture.PRIOR_GRID.nm.size
-        whole = uplift_table.Uplifted(np.empty(shape), np.empty(shape), np.empty(count))
+        whole = np.empty(shape), np.empty(shape), np.empty(count)
         lights = np.zeros(count, int) if block.light is None else block.light
         for number in np.unique(lights):
             own = np.flatnonzero(lights == number)
@@ -221,8 +221,8 @@ class LitPhoto:
                 self.prior, self.responses[number][seen], within[own][:, seen],
                 Errors(*(each[:, seen][..., seen] for each in errors)),
                 tolerance=pixel_errors.COARSE_TOLERANCE if coarse else mixture_posterior.TOLERANCE)
-            for name, values in vars(whole).items():
-                values[own] = getattr(part, name)
+            for values, of_light in zip(whole, part, strict=True):
+                values[own] = of_light
         return whole
 
 

@@ -272,22 +272,20 @@ def spectra_tables(source: PixelSource, layout: PictureLayout, points: np.ndarra
     done = 0
     for light, wanted in enumerate(points):
         own = int(wanted.sum())
-        uplifted = uplift_table.build_tables(
+        uplifted, row = uplift_table.build_tables(
             source.prior, source.responses[light], partial(source.table_errors, light), wanted,
             lambda share, done=done, own=own: progress(     # type: ignore[misc]
                 (done + share * own) / count), map_parts)
         smallest, *larger = (_columns(table, layout) for table in uplifted)
-        tables.append(LightTable(uplifted[0].row, smallest,
-                                 larger[0] - smallest if larger else None))
+        tables.append(LightTable(row, smallest, larger[0] - smallest if larger else None))
         done += own
     return tuple(tables)
 
 
-def _columns(uplifted: uplift_table.Uplifted | uplift_table.UpliftTable,
-             layout: PictureLayout) -> np.ndarray:
+def _columns(uplifted: uplift_table.Uplifted, layout: PictureLayout) -> np.ndarray:
     """Mean, standard deviation and novelty side by side."""
-    return np.hstack([uplifted.mean[:, layout.mean],
-                      uplifted.standard_deviation[:, layout.deviation], uplifted.novelty[:, None]])
+    mean, deviation, novelty = uplifted
+    return np.hstack([mean[:, layout.mean], deviation[:, layout.deviation], novelty[:, None]])
 
 
 def _local_tables(source: PixelSource, layout: PictureLayout, sample: PixelBlock,

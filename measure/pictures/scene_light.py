@@ -131,7 +131,7 @@ def mean_spectra(scene: traced_photo.TracedPhoto, photo: lit_photo.LitPhoto,
                               for name in ("signal", "variance", "saturated")})
     few = lit_photo.LitPhoto(alone, replace(photo.errors, between=lambda first, last: weights))
     block = few.block(0, 1, direct=True)
-    mean = few.direct(block, coarse=True).mean
+    mean, _, _ = few.direct(block, coarse=True)
     light = (weights @ photo.errors.white.signal).mean(axis=1)
     weight = area * light * block.seen
     means = {}

@@ -47,8 +47,8 @@ class CameraProfile:
     """
 
     camera: str             # as its raw files name it
-    fitted: dict[str, colour_profile.IlluminantMatrices]                       # by illuminant
-    drawn: dict[str, tuple[colour_profile.IlluminantMatrices, ...]]
+    # by illuminant, as of `colour_profile.matrices`: of the curves, then of their draws
+    matrices: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]
     aces: tuple[np.ndarray, np.ndarray]                         # matrix (3, 3), white balance (3,)
     aces_drawn: tuple[tuple[np.ndarray, np.ndarray], ...]
     idt_light: str
@@ -62,12 +62,10 @@ class CameraProfile:
         """What a DNG profile states of an illuminant: the colour matrix, the forward matrix, and
         the mean CIEDE2000 of the second by set.
         """
-        fitted, drawn = self.fitted[name], self.drawn[name]
-        return (
-            spread_over(fitted.colour, [each.colour for each in drawn]),
-            spread_over(fitted.forward, [each.forward for each in drawn]),
-            {of: spread_over(fitted.delta_e00[index], [each.delta_e00[index] for each in drawn])
-             for index, of in enumerate((FITTED_SET, FRESH_SET))})
+        colour, forward, errors = self.matrices[name]
+        return (spread_over(colour[0], colour[1:]), spread_over(forward[0], forward[1:]),
+                {of: spread_over(float(each[0]), each[1:])
+                 for of, each in zip((FITTED_SET, FRESH_SET), errors.T, strict=True)})
 
     def aces_spreads(self) -> tuple[colour_profiles.Spread, colour_profiles.Spread]:
         """The ACES matrix and its white balance."""
@@ -105,7 +103,7 @@ class CameraProfile:
 
 
 def spread_over(value: np.ndarray | float,
-                drawn: Sequence[np.ndarray | float]) -> colour_profiles.Spread:
+                drawn: Sequence[np.ndarray | float] | np.ndarray) -> colour_profiles.Spread:
     """A value with its standard deviation over draws, where there are any."""
     deviation = np.std(np.array(drawn), axis=0, ddof=1) if len(drawn) > 1 else None
     return colour_profiles.Spread(value, deviation)
@@ -133,13 +131,11 @@ def camera_profile(camera: str, curves: np.ndarray, grid: WavelengthGrid, idt_li
     """
     each = () if draws is None else tuple(draws)
     sets = named_spectra.test_reflectances(grid)
-    found = {name: colour_profile.matrices((curves, *each), name, grid, sets[FITTED_SET],
-                                           (sets[FITTED_SET], sets[FRESH_SET]))
-             for name in colour_profile.ILLUMINANTS}
     return CameraProfile(
         camera,
-        {name: own for name, (own, *_) in found.items()},
-        {name: tuple(drawn) for name, (_, *drawn) in found.items()},
+        {name: colour_profile.matrices((curves, *each), name, grid, sets[FITTED_SET],
+                                       (sets[FITTED_SET], sets[FRESH_SET]))
+         for name in colour_profile.ILLUMINANTS},
         colour_science.aces_idt(grid.nm, curves, idt_light),
         tuple(colour_science.aces_idt(grid.nm, draw, idt_light) for draw in each[:MAX_IDT_DRAWS]),
         idt_light, len(each), colours, light)

@@ -451,14 +451,12 @@ def _light_at(photo: FlatPhoto, errors: FlatErrors,
               points_px: list[np.ndarray]) -> light_field.LightAtRegions:
     """The light at places of a photo, each the mean over its points (Q, 2) in pixels."""
     centres_px = photo.patches_px.mean(axis=1)
-    patches = light_field.PicturePoints(chart.plane_centres(photo.layout),
-                                        _in_picture(centres_px, photo.chart_image))
     to_plane = chart.plane_from_picture(centres_px, photo.layout)
-    places = [
-        light_field.PicturePoints(chart.projected(to_plane, points),
-                                  _in_picture(points, photo.image)) for points in points_px
-    ]
-    return light_field.light_at_regions(photo.white, patches, places, errors.flat_field,
+    plane = [chart.plane_centres(photo.layout),
+             *(chart.projected(to_plane, points) for points in points_px)]
+    picture = [_in_picture(centres_px, photo.chart_image),
+               *(_in_picture(points, photo.image) for points in points_px)]
+    return light_field.light_at_regions(photo.white, plane, picture, errors.flat_field,
                                         errors.seed)
 
 

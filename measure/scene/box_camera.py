@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from spectrabox.calibrate.geometry import colmap_model, model_in_scene, projection
 from spectrabox.calibrate.geometry import pose as poses
-from spectrabox.calibrate.geometry.lens import Lens, Pose, camera_position, mitsuba_sensor, pinhole
+from spectrabox.calibrate.geometry.lens import Lens, Pose, mitsuba_sensor, pinhole
 from spectrabox.capture.photo.linear import photo_size
 from spectrabox.measure.captured import BoxPhoto, SceneView
 from spectrabox.radiometry.errors import CheckError, SpectraboxError
@@ -51,22 +51,22 @@ class BoxCamera:
     @property
     def at_mm(self) -> tuple[float, ...]:
         """Position (3,) of the lens."""
-        return tuple(camera_position(self.pose).position.tolist())
+        return tuple(self.pose.position.tolist())
 
     @property
     def standard_error_mm(self) -> tuple[float, ...]:
         """Standard error (3,) of the position."""
-        return tuple(camera_position(self.pose).position_standard_error.tolist())
+        return tuple(self.pose.position_standard_error.tolist())
 
     @property
     def direction(self) -> tuple[float, ...]:
         """Unit vector (3,) along which the camera looks."""
-        return tuple(camera_position(self.pose).direction.tolist())
+        return tuple(self.pose.direction.tolist())
 
     @property
     def direction_error_deg(self) -> float:
         """Standard error of the direction."""
-        return camera_position(self.pose).direction_standard_error_deg
+        return self.pose.direction_standard_error_deg
 
 
 def scene_of(stated: scene_file.SceneFile | BoxPhoto) -> scene_file.SceneFile:

@@ -157,7 +157,7 @@ def _draw_refined(options: SampleOptions, fine: int,
         operator, _ = uniform.into_reach(spectral_measurement.spline_operator(measurement, coarse))
         refined = refinement.sample_refined(measurement, operator, fine, count, seed)
         method = f"uniform, refined from {coarse} to {fine} coefficients"
-    return uniform.as_spectra(refined, method, seed, refined.outcome)
+    return uniform.as_spectra(refined, method, seed, spectral_records.Outcome.CONVERGED)
 
 
 def _estimate_without_draws(capture: SignalCapture,
@@ -242,7 +242,7 @@ def compared(estimate: Estimate, options: SampleOptions, truth: np.ndarray | Non
         scores = {name: metrics.judged(PRIOR_GRID.nm, truth, other[0], lights, other[1])
                   for name, other in (ours | others).items() if other is not None}
         facts["judged"] = scores
-        return facts, metrics.judgement_text([metrics.ScoredSpectrum("signal", method, score)
+        return facts, metrics.judgement_text([("signal", method, score)
                                               for method, score in scores.items()])
     shown = np.flatnonzero(estimate.nm % BASELINE_NM == 0)
     lines = [f"{'nm':<22}" + "".join(f"{nm:7.0f}" for nm in estimate.nm[shown])]

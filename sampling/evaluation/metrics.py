@@ -233,13 +233,7 @@ class SpectrumScores:
     winkler: float | None = None
 
 
-@dataclass(frozen=True)
-class ScoredSpectrum:
-    """The scores of a method for a signal or a region, or their means."""
-
-    region: str
-    method: str
-    scores: SpectrumScores
+ScoredSpectrum = tuple[str, str, SpectrumScores]     # signal or region, method, and its scores
 
 
 def judged(nm: np.ndarray, truth: np.ndarray, estimate: np.ndarray, lights: tuple[str, ...],
@@ -284,18 +278,18 @@ def baselines(measurement: SpectralMeasurement, draws: int, seed: int,
 
 def judgement_text(rows: Sequence[ScoredSpectrum]) -> str:
     """A table of judged spectra, one a row."""
-    widths = [max(6, *(len(row.region) for row in rows)), max(6, *(len(row.method)
-                                                                   for row in rows))]
-    lights = tuple(rows[0].scores.delta_e00)
+    widths = [max(6, *(len(region) for region, _, _ in rows)),
+              max(6, *(len(method) for _, method, _ in rows))]
+    lights = tuple(rows[0][2].delta_e00)
     lines = [f"{'region':<{widths[0]}} {'method':<{widths[1]}} "
              + " ".join(f"{label:>7}" for _, label in POINT_SCORES)
              + "".join(f" {'dE ' + light:>9}" for light in lights)
              + "".join(f" {label:>10}" for _, label in BAND_SCORES)]
-    for row in rows:
-        cells = [f"{row.region:<{widths[0]}} {row.method:<{widths[1]}}",
-                 *(f"{getattr(row.scores, name):7.4f}" for name, _ in POINT_SCORES),
-                 *(f"{row.scores.delta_e00[light]:9.2f}" for light in lights),
-                 *(f"{_cell(getattr(row.scores, name)):>10}" for name, _ in BAND_SCORES)]
+    for region, method, scores in rows:
+        cells = [f"{region:<{widths[0]}} {method:<{widths[1]}}",
+                 *(f"{getattr(scores, name):7.4f}" for name, _ in POINT_SCORES),
+                 *(f"{scores.delta_e00[light]:9.2f}" for light in lights),
+                 *(f"{_cell(getattr(scores, name)):>10}" for name, _ in BAND_SCORES)]
         lines.append(" ".join(cells))
     return "\n".join(lines)
 

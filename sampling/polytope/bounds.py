@@ -12,7 +12,6 @@ goes to a general solver one programme at a time.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -74,19 +73,21 @@ def bounds_of_many(A: np.ndarray, signals: np.ndarray, noise_covariance: np.ndar
     if basis.ndim != 2 or basis.shape[1] != A.shape[1]:
         raise InputError(f"the basis has shape {basis.shape}; (P, {A.shape[1]}) is needed, as A "
                          "has that many coefficients")
-    boxes = signal_boxes(A, signals, noise_covariance, level)
-    lower, upper, ends = _extremes(boxes, basis)
+    directions, centre, half_width = signal_boxes(A, signals, noise_covariance, level)
+    lower, upper, ends = _extremes(directions, centre, half_width, basis)
     if (empty := np.flatnonzero(ends == simplex.SolveStatus.EMPTY)).size:
-        wider = boxes.of(empty, widenings(boxes.of(empty))[:, None])
-        lower[empty], upper[empty], ends[empty] = _extremes(wider, basis)
+        some = directions[empty], centre[empty]
+        wider = half_width[empty] + widenings(*some, half_width[empty])[:, None]
+        lower[empty], upper[empty], ends[empty] = _extremes(*some, wider, basis)
     for row in np.flatnonzero(ends != simplex.SolveStatus.DONE):
-        lower[row], upper[row] = bounds_of_one(boxes, int(row), basis)
+        lower[row], upper[row] = bounds_of_one(directions[row], centre[row], half_width[row], basis)
     return lower, upper
 
 
 def signal_boxes(A: np.ndarray, signals: np.ndarray, noise_covariance: np.ndarray,
-                 level: float) -> SignalBoxes:
-    """The boxes around the confidence sets, their sides the eigen-directions of the noise.
+                 level: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The boxes {c : |directions c - centre| <= half_width} around the confidence sets, their sides
+    the eigen-directions of the noise: directions (S, K, N), centres and half-widths (S, K).
 
     Parameters
     ----------
@@ -110,48 +111,48 @@ def signal_boxes(A: np.ndarray, signals: np.ndarray, noise_covariance: np.ndarra
     variances, directions = np.linalg.eigh(noise_covariance)
     turn = directions.transpose(0, 2, 1)
     radius = np.sqrt(chdtri(variances.shape[1], 1 - level))
-    return SignalBoxes(turn @ A, (turn @ signals[..., None])[..., 0],
-                       radius * np.sqrt(np.maximum(variances, 0)))
+    return (turn @ A, (turn @ signals[..., None])[..., 0],
+            radius * np.sqrt(np.maximum(variances, 0)))
 
 
-def widenings(boxes: SignalBoxes) -> np.ndarray:
+def widenings(directions: np.ndarray, centre: np.ndarray, half_width: np.ndarray) -> np.ndarray:
     """Least signal (S,) by which every half-plane must move out for some coefficients in [0, 1] to
     fit; 0 where they do, within the tolerance of the general solver, and where the walk stalls.
 
     Parameters
     ----------
-    boxes : SignalBoxes
-        Of S signals.
+    directions, centre, half_width : (S, K, N), (S, K) and (S, K) arrays
+        From `signal_boxes`.
     """
-    count, bands, coefficients = boxes.directions.shape
-    away = np.abs(boxes.centre).max(axis=1)      # c = 0 fits once the planes moved so far
-    largest = away + np.abs(boxes.directions).sum(axis=2).max(axis=1)
+    count, bands, coefficients = directions.shape
+    away = np.abs(centre).max(axis=1)      # c = 0 fits once the planes moved so far
+    largest = away + np.abs(directions).sum(axis=2).max(axis=1)
     # Variables: c, the widening t, and what is left of both half-planes of each direction.
     ones, identity = np.ones((count, bands, 1)), np.broadcast_to(np.eye(bands),
                                                                  (count, bands, bands))
     none = np.zeros_like(identity)
-    A = np.concatenate([np.concatenate([boxes.directions, -ones, identity, none], axis=2),
-                        np.concatenate([boxes.directions, ones, none, -identity], axis=2)], axis=1)
-    y = np.concatenate([boxes.centre + boxes.half_width, boxes.centre - boxes.half_width], axis=1)
+    A = np.concatenate([np.concatenate([directions, -ones, identity, none], axis=2),
+                        np.concatenate([directions, ones, none, -identity], axis=2)], axis=1)
+    y = np.concatenate([centre + half_width, centre - half_width], axis=1)
     upper = np.ones((count, A.shape[2]))
     upper[:, coefficients] = away
-    upper[:, coefficients + 1:] = np.tile(2 * (largest[:, None] + boxes.half_width), 2)
+    upper[:, coefficients + 1:] = np.tile(2 * (largest[:, None] + half_width), 2)
     values, ends = simplex.highest(A, y, upper, -np.eye(1, A.shape[2], coefficients))
     slack = np.where(ends == simplex.SolveStatus.DONE, -values[:, 0], 0.0)
     # The solver's tolerance again, or the set could come out empty.
     return np.where(slack > LP_ATOL, slack + LP_ATOL, 0.0)
 
 
-def _extremes(boxes: SignalBoxes,
+def _extremes(directions: np.ndarray, centre: np.ndarray, half_width: np.ndarray,
               basis: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Lowest and highest B c (S, P), and how the walks ended."""
-    count, bands, coefficients = boxes.directions.shape
+    count, bands, coefficients = directions.shape
     # One more variable for each side of a box: the distance from its lower end.
     sides = np.broadcast_to(-np.eye(bands), (count, bands, bands))
-    columns = np.concatenate([boxes.directions, sides], axis=2)
-    upper = np.concatenate([np.ones((count, coefficients)), 2 * boxes.half_width], axis=1)
+    columns = np.concatenate([directions, sides], axis=2)
+    upper = np.concatenate([np.ones((count, coefficients)), 2 * half_width], axis=1)
     functions = np.hstack([basis, np.zeros((len(basis), bands))])
-    values, ends = simplex.highest(columns, boxes.centre - boxes.half_width, upper,
+    values, ends = simplex.highest(columns, centre - half_width, upper,
                            np.vstack([functions, -functions[::-1]]))
     # Not -values: a bound of 0 must not read -0.
     return 0.0 - values[:, :len(basis) - 1:-1], values[:, :len(basis)], ends
@@ -165,29 +166,14 @@ def _extremes(boxes: SignalBoxes,
 LP_ATOL = 1e-7  # the solver's tolerance on every constraint
 
 
-@dataclass(frozen=True)
-class SignalBoxes:
-    """{c : |directions c - centre| <= half_width} of S signals."""
-
-    directions: np.ndarray      # (S, K, N)
-    centre: np.ndarray          # (S, K)
-    half_width: np.ndarray      # (S, K)
-
-    def of(self, rows: np.ndarray, more: np.ndarray | float = 0.0) -> SignalBoxes:
-        """Some of the boxes, half-widths larger by ``more``."""
-        return SignalBoxes(self.directions[rows], self.centre[rows], self.half_width[rows] + more)
-
-
-def bounds_of_one(boxes: SignalBoxes, row: int,
+def bounds_of_one(directions: np.ndarray, centre: np.ndarray, half_width: np.ndarray,
                   basis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Smallest and largest B c (P,) over one of the boxes, moved apart where nothing fits.
+    """Smallest and largest B c (P,) over one box, its sides moved apart where nothing fits.
 
     Parameters
     ----------
-    boxes : SignalBoxes
-        Of S signals.
-    row : int
-        Which signal.
+    directions, centre, half_width : (K, N), (K,) and (K,) arrays
+        Of one signal, from `signal_boxes`.
     basis : (P, N) array
         Rows of B at the wavelengths wanted.
 
@@ -196,24 +182,23 @@ def bounds_of_one(boxes: SignalBoxes, row: int,
     ConvergenceError
         If the solver fails.
     """
-    box = boxes.of(np.array([row]), widening(boxes, row))
+    wider = half_width + widening(directions, centre, half_width)
     try:
-        return linear_programmes(box, basis)
+        return linear_programmes(directions, centre, wider, basis)
     except ConvergenceError:
         # Within reach by `widening`, and empty by round-off, as of perfect white.
-        return linear_programmes(box.of(np.array([0]), LP_ATOL), basis)
+        return linear_programmes(directions, centre, wider + LP_ATOL, basis)
 
 
-def widening(boxes: SignalBoxes, row: int, options: dict[str, float] | None = None) -> float:
+def widening(directions: np.ndarray, centre: np.ndarray, half_width: np.ndarray,
+             options: dict[str, float] | None = None) -> float:
     """Least signal by which every half-plane must move out for some coefficients in [0, 1] to fit,
     and the solver's tolerance; 0 where they do.
 
     Parameters
     ----------
-    boxes : SignalBoxes
-        Of S signals.
-    row : int
-        Which signal.
+    directions, centre, half_width : (K, N), (K,) and (K,) arrays
+        Of one signal.
     options : dict, optional
         Of HiGHS.
 
@@ -222,8 +207,6 @@ def widening(boxes: SignalBoxes, row: int, options: dict[str, float] | None = No
     ConvergenceError
         If the solver fails.
     """
-    directions, centre, half_width = (values[row] for values in (boxes.directions, boxes.centre,
-                                                                 boxes.half_width))
     matrix, coefficients = np.vstack([directions, -directions]), directions.shape[1]
     slack = _least(np.r_[np.zeros(coefficients), 1.0], [(0, 1)] * coefficients + [(0, None)],
                    {"A_ub": np.c_[matrix, -np.ones(len(matrix))],
@@ -232,13 +215,14 @@ def widening(boxes: SignalBoxes, row: int, options: dict[str, float] | None = No
     return slack + LP_ATOL if slack > LP_ATOL else 0.0
 
 
-def linear_programmes(box: SignalBoxes, basis: np.ndarray,
-                      options: dict[str, float] | None = None) -> tuple[np.ndarray, np.ndarray]:
+def linear_programmes(directions: np.ndarray, centre: np.ndarray, half_width: np.ndarray,
+                      basis: np.ndarray, options: dict[str, float] | None = None
+                      ) -> tuple[np.ndarray, np.ndarray]:
     """Smallest and largest B c (P,) over one box, which is not empty.
 
     Parameters
     ----------
-    box : SignalBoxes
+    directions, centre, half_width : (K, N), (K,) and (K,) arrays
         Of one signal.
     basis : (P, N) array
     options : dict, optional
@@ -249,7 +233,7 @@ def linear_programmes(box: SignalBoxes, basis: np.ndarray,
     ConvergenceError
         If the solver fails.
     """
-    constraints = _half_planes(box.directions[0], box.centre[0], box.half_width[0])
+    constraints = _half_planes(directions, centre, half_width)
     lower = np.array([_least(function, (0, 1), constraints, options) for function in basis])
     upper = np.array([-_least(-function, (0, 1), constraints, options) for function in basis])
     return lower, upper

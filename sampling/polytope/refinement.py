@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from spectrabox.radiometry import errors, grid
-from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement
+from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.sampling import spectral_measurement
 from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
 
@@ -66,8 +66,9 @@ def residual_directions(A_fine: np.ndarray, T: np.ndarray) -> np.ndarray:
 
 def sample_refined(measurement: SpectralMeasurement,
                    operator: spectral_measurement.MeasurementOperator, fine: int, draws: int,
-                   seed: int) -> spectral_measurement.CoefficientDraws:
-    """Coarse draws of ``operator``, each refined to ``fine`` coefficients by its own residual draw.
+                   seed: int) -> np.ndarray:
+    """Coarse draws of ``operator``, each refined to ``fine`` coefficients (T, fine) by its own
+    residual draw.
 
     Parameters
     ----------
@@ -86,8 +87,8 @@ def sample_refined(measurement: SpectralMeasurement,
     """
     T = lifting(operator.A.shape[1], fine)
     directions = residual_directions(spectral_measurement.spline_operator(measurement, fine).A, T)
-    coarse = sample_polytope(operator, draws, seed)
-    c = np.clip(coarse.coefficients @ T.T, 0, 1)
+    coarse, _, _ = sample_polytope(operator, draws, seed)
+    c = np.clip(coarse @ T.T, 0, 1)
     rng = np.random.default_rng(seed + 1)
     for _ in range(SWEEPS if directions.shape[1] else 0):
         direction = directions @ rng.standard_normal((directions.shape[1], draws))
@@ -95,5 +96,4 @@ def sample_refined(measurement: SpectralMeasurement,
         at_zero, at_one = -c / moves, (1 - c) / moves
         low, high = np.minimum(at_zero, at_one).max(axis=1), np.maximum(at_zero, at_one).min(axis=1)
         c = np.clip(c + (low + (high - low) * rng.random(draws))[:, None] * moves, 0, 1)
-    return spectral_measurement.CoefficientDraws(c, coarse.acceptance, float(draws),
-                                                 Outcome.CONVERGED)
+    return c

@@ -13,12 +13,9 @@ that just one on the edge of the box does.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated
-
 import numpy as np
 
-from spectrabox.radiometry import errors, shaped
+from spectrabox.radiometry import errors
 from spectrabox.sampling.spectral_measurement import MeasurementOperator, check_noise
 
 # |h| under which the closed forms lose digits and three terms of the series do not
@@ -32,21 +29,9 @@ HALVINGS = 60
 RUNAWAY = 1e30
 
 
-@dataclass(frozen=True, eq=False)
-class Tilt(shaped.Record):
-    """The tilt of one measurement. ``reachable``: some coefficients in [0, 1] give the signal
-    without noise.
-    """
-
-    theta: Annotated[np.ndarray, "K"]
-    h: Annotated[np.ndarray, "N"]               # A' theta
-    c: Annotated[np.ndarray, "N"]               # means m(h), strictly inside (0, 1)
-    residual: float                             # largest |gradient|, rows whitened
-    reachable: bool
-
-
-def max_entropy_tilt(operator: MeasurementOperator) -> Tilt:
-    """Find the tilt of ``operator`` by damped Newton with a line search, rows whitened.
+def max_entropy_tilt(operator: MeasurementOperator) -> tuple[np.ndarray, bool]:
+    """Theta (K,) of the tilt of ``operator``, by damped Newton with a line search, rows whitened;
+    and whether some coefficients in [0, 1] give the signal without noise.
 
     Parameters
     ----------
@@ -69,10 +54,8 @@ def max_entropy_tilt(operator: MeasurementOperator) -> Tilt:
     h, noisy = theta @ vt, bool(operator.noise_covariance.any())
     if residual > GRADIENT_ATOL or (np.abs(h).max() > EDGE and not noisy):
         raise errors.ConvergenceError(_no_tilt(operator, is_reachable(operator)))
-    _, mean, _ = tilt_moments(h)
     # without noise the means reproduce the signal themselves
-    reachable = not noisy or is_reachable(operator)
-    return Tilt(whiten.T @ theta, h, mean, residual, reachable)
+    return whiten.T @ theta, not noisy or is_reachable(operator)
 
 
 def tilt_moments(h: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -37,8 +37,8 @@ import numpy as np
 
 from spectrabox.radiometry.errors import ConvergenceError, InputError
 from spectrabox.radiometry.records.spectra import Outcome
-from spectrabox.sampling.polytope.tilt import Tilt, max_entropy_tilt, tilt_moments
-from spectrabox.sampling.spectral_measurement import CoefficientDraws, MeasurementOperator
+from spectrabox.sampling.polytope.tilt import max_entropy_tilt, tilt_moments
+from spectrabox.sampling.spectral_measurement import MeasurementOperator
 
 METHOD = "uniform (tilted rejection)"
 # proposals at once: larger arrays leave the cache and take twice as long
@@ -50,7 +50,8 @@ HOPELESS = 1e-5         # acceptance: 1000 draws would take half a minute
 Propose = Callable[[int], np.ndarray]
 
 
-def sample_polytope(operator: MeasurementOperator, draws: int, seed: int) -> CoefficientDraws:
+def sample_polytope(operator: MeasurementOperator, draws: int,
+                    seed: int) -> tuple[np.ndarray, float, Outcome]:
     """Coefficients drawn from the posterior of one measurement, independently and exactly.
 
     Parameters
@@ -65,9 +66,12 @@ def sample_polytope(operator: MeasurementOperator, draws: int, seed: int) -> Coe
 
     Returns
     -------
-    CoefficientDraws
-        The outcome is ``Outcome.UNREACHABLE`` where no spectrum of the class gives the signal
-        without noise.
+    coefficients : (T, N) array
+        In [0, 1], all equally likely.
+    acceptance : float
+        Share of the proposals that were kept.
+    outcome : Outcome
+        ``Outcome.UNREACHABLE`` where no spectrum of the class gives the signal without noise.
 
     Raises
     ------
@@ -80,14 +84,13 @@ def sample_polytope(operator: MeasurementOperator, draws: int, seed: int) -> Coe
         If the signal is out of reach and R does not cover it, or if the acceptance is below about
         1e-5.
     """
-    tilt = max_entropy_tilt(operator)
+    theta, reachable = max_entropy_tilt(operator)
     rng = np.random.default_rng(seed)
-    coefficients, acceptance = collect(tilted_proposals(operator, tilt, rng), draws)
-    return CoefficientDraws(coefficients, acceptance, float(draws),
-                            Outcome.EXACT if tilt.reachable else Outcome.UNREACHABLE)
+    coefficients, acceptance = collect(tilted_proposals(operator, theta, rng), draws)
+    return coefficients, acceptance, Outcome.EXACT if reachable else Outcome.UNREACHABLE
 
 
-def tilted_proposals(operator: MeasurementOperator, tilt: Tilt,
+def tilted_proposals(operator: MeasurementOperator, theta: np.ndarray,
                      rng: np.random.Generator) -> Propose:
     """The steps 1 to 3 as a function of the number of proposals, which returns the accepted
     coefficients.
@@ -96,12 +99,13 @@ def tilted_proposals(operator: MeasurementOperator, tilt: Tilt,
     ----------
     operator : MeasurementOperator
         ``A`` (K, N), signal ``y`` (K,) relative to white, and its noise covariance (K, K).
-    tilt : Tilt
+    theta : (K,) array
+        Of the tilt; the law of the draws does not depend on it.
     rng : numpy.random.Generator
     """
-    coefficients = tilt.h.size
+    coefficients = operator.A.shape[1]
     columns = np.hstack([operator.A, noise_columns(operator.noise_covariance)])
-    slopes = tilt.theta @ columns
+    slopes = theta @ columns
     basic = basic_columns(columns, slopes, coefficients)
     inverse = np.linalg.inv(columns[:, basic])    # of nearly largest volume, so well conditioned
     is_free = np.isin(np.arange(slopes.size), basic, invert=True)

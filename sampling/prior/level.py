@@ -47,15 +47,6 @@ class LevelWeight:
     with_level: np.ndarray      # (C, P) S u
 
 
-@dataclass(frozen=True, eq=False)
-class Tilt:
-    """Of n pairs of a component and a level: how mean and covariance change, and the weight."""
-
-    shift: np.ndarray           # (n,) of the mean, by S u
-    stretch: np.ndarray         # (n,) of the covariance, by S u u' S
-    log_weight: np.ndarray      # (n,) of the component
-
-
 def level_weight(weights: np.ndarray, means: np.ndarray, covariances: np.ndarray) -> LevelWeight:
     """The w that makes the level of a mixture uniform in reflectance.
 
@@ -88,8 +79,9 @@ def level_weight(weights: np.ndarray, means: np.ndarray, covariances: np.ndarray
 
 
 def tilt(weight: LevelWeight, component: np.ndarray | int, level: np.ndarray,
-         share: np.ndarray | None = None) -> Tilt:
-    """What w makes of components about levels (n,).
+         share: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What w makes of components about levels (n,): the shift (n,) of the mean, by S u, the stretch
+    (n,) of the covariance, by S u u' S, and the log weight (n,).
 
     Parameters
     ----------
@@ -112,9 +104,9 @@ def tilt(weight: LevelWeight, component: np.ndarray | int, level: np.ndarray,
     bend = np.minimum(bend, MOST_OF_CURVATURE / s)
     variance = s / (1 - bend * s)
     mean = variance * (m / s + slope - bend * at)
-    return Tilt((mean - m) / s, (variance - s) / s**2,
-                log_weight - slope * at + bend * at**2 / 2 + np.log(variance / s) / 2
-                + mean**2 / variance / 2 - m**2 / s / 2)
+    return ((mean - m) / s, (variance - s) / s**2,
+            log_weight - slope * at + bend * at**2 / 2 + np.log(variance / s) / 2
+            + mean**2 / variance / 2 - m**2 / s / 2)
 
 
 def with_stretch(products: np.ndarray, rows: np.ndarray, with_level: np.ndarray,

@@ -31,7 +31,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from spectrabox.radiometry.shaped import Record, array_fields
-from spectrabox.sampling.prior.level import Tilt, tilt, with_stretch
+from spectrabox.sampling.prior.level import tilt, with_stretch
 from spectrabox.sampling.prior.mixture import LogitMixture, logit, reflectance
 from spectrabox.sampling.prior.quantiles import quantiles, stretched
 
@@ -181,7 +181,9 @@ class Linearised:
     gain_base: np.ndarray       # (n, K, P) J S
     Q: np.ndarray               # (n, K, K)
     residual: np.ndarray        # (n, K)
-    tilt: Tilt                  # (n,)
+    shift: np.ndarray           # (n,) of the component's mean, stretch of its covariance, and
+    stretch: np.ndarray         # (n,)
+    log_weight: np.ndarray      # (n,) by its level (level.py)
     noise: np.ndarray           # (n, K, K) R
     light: np.ndarray | None = None         # (n, K) that errors multiply; None where none do
     log_errors: np.ndarray | None = None    # (n, K) of these
@@ -371,7 +373,7 @@ def laplace(prior: LogitMixture, pairs: Pairs, rows: np.ndarray) -> tuple[np.nda
     bands, wavelengths = here.gain_base.shape[1:]
     own = pairs.of(np.diagonal(prior.covariances, axis1=1, axis2=2), rows)
     with_level = pairs.of(prior.level_weight.with_level, rows)
-    variance = own + here.tilt.stretch[:, None] * with_level**2 \
+    variance = own + here.stretch[:, None] * with_level**2 \
         - np.einsum("tkp,tkp->tp", here.gain_base, solved[..., :wavelengths])
     surprise = np.einsum("tk,tk->t", here.residual, solved[..., -1])
     given = reflectance(pairs.logits[rows]) @ pairs.relative_response.T
@@ -381,11 +383,11 @@ def laplace(prior: LogitMixture, pairs: Pairs, rows: np.ndarray) -> tuple[np.nda
     misfit = np.abs(pairs.signals[rows] - given).max(axis=1)
     share = np.einsum("tkk->t", solved[..., wavelengths:-1]) / bands
     return (np.maximum(variance, 1e-8), _log_evidence(here, solved[..., -1]), misfit, surprise,
-            here.tilt.shift, here.tilt.stretch, share)
+            here.shift, here.stretch, share)
 
 
 def _log_evidence(here: Linearised, solved: np.ndarray) -> np.ndarray:
-    evidence = here.tilt.log_weight - np.einsum("tk,tk->t", here.residual, solved) / 2 \
+    evidence = here.log_weight - np.einsum("tk,tk->t", here.residual, solved) / 2 \
         - np.linalg.slogdet(here.Q)[1] / 2
     return np.asarray(evidence if here.log_errors is None
                       else evidence - here.log_errors.sum(axis=1))
@@ -415,18 +417,20 @@ def linearised(prior: LogitMixture, pairs: Pairs, rows: np.ndarray,
         if prior.uniform_level:
             share = np.einsum("tk,tkl,tl->t", light, relative.covariance, light) \
                 / noise.sum(axis=(1, 2))
-    tilted = tilt(prior.level_weight, pairs.of(np.arange(len(prior.means)), rows),
-                  x.mean(axis=1) if level is None else level[rows], share)
+    shift, stretch, log_weight = tilt(
+        prior.level_weight, pairs.of(np.arange(len(prior.means)), rows),
+        x.mean(axis=1) if level is None else level[rows], share)
     with_level = pairs.of(prior.level_weight.with_level, rows)
-    mean = pairs.of(prior.means, rows) + tilted.shift[:, None] * with_level
+    mean = pairs.of(prior.means, rows) + shift[:, None] * with_level
     slope = p * (1 - p)
     jacobian = pairs.relative_response * slope[:, None, :]
     gain_base = jacobian @ own if own.ndim > 2 else \
         (jacobian.reshape(-1, x.shape[1]) @ own).reshape(jacobian.shape)
-    gain_base = with_stretch(gain_base, jacobian, with_level, tilted.stretch)
+    gain_base = with_stretch(gain_base, jacobian, with_level, stretch)
     Q = gain_base @ jacobian.transpose(0, 2, 1) + noise
     residual = signals + (slope * (x - mean) - p) @ pairs.relative_response.T
-    return Linearised(mean, gain_base, Q, residual, tilted, noise, light, log_errors)
+    return Linearised(mean, gain_base, Q, residual, shift, stretch, log_weight, noise, light,
+                      log_errors)
 
 
 def seen_by(component: np.ndarray, signal: np.ndarray, mixture: MixturePosterior,

@@ -16,7 +16,7 @@ law is that of Laplace's approximation, not exact: the calibration is what makes
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
 
 import numpy as np
 
@@ -33,28 +33,6 @@ BLOCK = 2048
 # Maximum number of redraws of what did not reach its signal: where the noise reaches far beyond
 # what a reflectance can be, one draw in thirty gets there.
 MAX_REDRAWS = 200
-
-
-@dataclass(frozen=True)
-class _Component:
-    """What draws of one component need."""
-
-    centre: np.ndarray          # (P,) logits
-    root: np.ndarray            # (P, P) square root of the posterior's covariance
-    gain: np.ndarray            # (P, K)
-    wanted: np.ndarray          # (K,) signal less the mean of its noise
-    noise_root: np.ndarray      # (K, r)
-    # (P,) logits that give it, and (P, r) by which the noise moves them; None: it is taken off
-    bent: tuple[np.ndarray, np.ndarray] | None
-
-    def signals(self, relative_response: np.ndarray, draws: int,
-                rng: np.random.Generator) -> np.ndarray:
-        """Signals (n, K) that draws go to."""
-        noise = rng.standard_normal((draws, self.noise_root.shape[1]))
-        if self.bent is None:
-            return np.asarray(self.wanted - noise @ self.noise_root.T)
-        logits, root = self.bent
-        return np.asarray(reflectance(logits - noise @ root.T) @ relative_response.T)
 
 
 def draw_reflectances(prior: LogitMixture, mixture: mixture_posterior.MixturePosterior,
@@ -89,9 +67,9 @@ def draw_reflectances(prior: LogitMixture, mixture: mixture_posterior.MixturePos
     factor = mixture_posterior.band_factors(prior, mixture, mixture_posterior.LEVEL)[0]
     seen = mixture_posterior.seen_by(chosen, np.zeros(chosen.size, int), mixture, relative_response,
                                      signal[None], noise[None], relative)
-    components = [_component(prior, mixture, relative_response, factor, int(index), *each,
-                             bent=relative is not None)
-                  for index, *each in zip(chosen, *seen, strict=True)]
+    samplers = [_component_sampler(prior, mixture, relative_response, factor, int(index), *each,
+                                   bent=relative is not None)
+                for index, *each in zip(chosen, *seen, strict=True)]
     spectra = np.empty((draws, relative_response.shape[1]))
     blocks = range(0, draws, BLOCK)
     for start, own_seed in zip(blocks, np.random.SeedSequence(seed).spawn(len(blocks)),
@@ -101,10 +79,9 @@ def draw_reflectances(prior: LogitMixture, mixture: mixture_posterior.MixturePos
         for _ in range(MAX_REDRAWS):
             number = rng.choice(chosen.size, size=missing.size, p=mixture.weights[0, chosen])
             failed = []
-            for index, component in enumerate(components):
+            for index, sampler in enumerate(samplers):
                 rows = missing[number == index]
-                spectra[rows], reached = _of_component(component, relative_response, rows.size,
-                                                       rng)
+                spectra[rows], reached = sampler(rows.size, rng)
                 failed.append(rows[~reached])
             missing = np.concatenate(failed)
             if not missing.size or approximate:
@@ -116,9 +93,13 @@ def draw_reflectances(prior: LogitMixture, mixture: mixture_posterior.MixturePos
     return spectra
 
 
-def _component(prior: LogitMixture, mixture: mixture_posterior.MixturePosterior,
-               relative_response: np.ndarray, factor: np.ndarray, index: int, signal: np.ndarray,
-               R: np.ndarray, floored: np.ndarray, *, bent: bool) -> _Component:
+def _component_sampler(prior: LogitMixture, mixture: mixture_posterior.MixturePosterior,
+                       relative_response: np.ndarray, factor: np.ndarray, index: int,
+                       signal: np.ndarray, R: np.ndarray, floored: np.ndarray, *, bent: bool
+                       ) -> Callable[[int, np.random.Generator], tuple[np.ndarray, np.ndarray]]:
+    """A function of a number of draws that gives reflectances (n, P) of one component at signals of
+    their own, and which of them got there.
+    """
     centre = mixture.logits[index, 0]
     p = reflectance(centre)
     jacobian = relative_response * (p * (1 - p))
@@ -137,8 +118,22 @@ def _component(prior: LogitMixture, mixture: mixture_posterior.MixturePosterior,
     wanted = signal - shrink @ residual
     start = middle + factor * (centre - middle)
     noise_root = noise_columns((R - shrink @ R + (R - shrink @ R).T) / 2)
-    return _Component(start, root, base @ np.linalg.inv(prior_of_signal), wanted, noise_root,
-                      _bent(relative_response, start, base, wanted, noise_root) if bent else None)
+    gain = base @ np.linalg.inv(prior_of_signal)
+    moved = _bent(relative_response, start, base, wanted, noise_root) if bent else None
+
+    def signals(draws: int, rng: np.random.Generator) -> np.ndarray:
+        """Signals (n, K) that draws go to."""
+        noise = rng.standard_normal((draws, noise_root.shape[1]))
+        if moved is None:
+            return np.asarray(wanted - noise @ noise_root.T)
+        logits, by_noise = moved
+        return np.asarray(reflectance(logits - noise @ by_noise.T) @ relative_response.T)
+
+    def sampler(draws: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        logits = rng.standard_normal((draws, root.shape[1])) @ root.T + start
+        return _at_signals(logits, signals(draws, rng), relative_response, gain)
+
+    return sampler
 
 
 def _bent(relative_response: np.ndarray, logits: np.ndarray, base: np.ndarray, wanted: np.ndarray,
@@ -159,25 +154,25 @@ def _bent(relative_response: np.ndarray, logits: np.ndarray, base: np.ndarray, w
     return None
 
 
-def _of_component(component: _Component, relative_response: np.ndarray, draws: int,
-                  rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Reflectances (n, P) of one component at their own signals, and which of them got there."""
-    M, bands = relative_response, len(component.wanted)
-    x = rng.standard_normal((draws, component.root.shape[1])) @ component.root.T + component.centre
-    wanted = component.signals(M, draws, rng)
+def _at_signals(x: np.ndarray, wanted: np.ndarray, relative_response: np.ndarray,
+                gain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Reflectances (n, P) of logits moved along the gain (P, K) until they give signals (n, K), and
+    which of them do.
+    """
+    M, (draws, bands) = relative_response, wanted.shape
     # d(signal)/d(step) of every draw is the sum over wavelengths of p (1 - p) times these products.
-    products = (M[:, None, :] * component.gain.T).reshape(bands * bands, -1).T
+    products = (M[:, None, :] * gain.T).reshape(bands * bands, -1).T
     for _ in range(NEWTON_STEPS):
         p = 1 / (1 + np.exp(-x))  # as `reflectance`, which is safe for any x but three times slower
         residual = wanted - p @ M.T
         if np.abs(residual).max(initial=0) < SIGNAL_ATOL:
             break
         slopes = ((p - p * p) @ products).reshape(draws, bands, bands)
-        step = solve_each(slopes, residual) @ component.gain.T
+        step = solve_each(slopes, residual) @ gain.T
         if np.maximum(step.max(), -step.min()) > MAX_STEP:
             length = np.abs(step).max(axis=1, keepdims=True)
             step *= np.minimum(1, MAX_STEP / np.maximum(length, 1e-12))
-        x += step
+        x = x + step
     p = reflectance(x)
     return p, np.abs(wanted - p @ M.T).max(axis=1) < 10 * SIGNAL_ATOL
 

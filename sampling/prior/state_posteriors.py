@@ -20,7 +20,7 @@ from spectrabox.radiometry.covariance import symmetric_root, with_rank
 from spectrabox.radiometry.error_model import Errors, proportional_covariance
 from spectrabox.radiometry.records import spectra
 from spectrabox.sampling import spectral_measurement, summary
-from spectrabox.sampling.prior import calibrated_marginals, mixture_posterior
+from spectrabox.sampling.prior import mixture_posterior
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, reflectance
 
 # Nats of evidence on the state that are not counted where they come of how usual the spectra are
@@ -61,74 +61,6 @@ class StatePosterior:
         """Covariance (r, r) of all errors about the signal."""
         return self.noise if self.relative is None else self.noise + proportional_covariance(
             self.signal + self.relative.added, self.relative.covariance[0])
-
-
-@dataclass(frozen=True, eq=False)
-class ManyInStates:
-    """Posteriors of T signals in each of H states of their captures."""
-
-    mixtures: list[mixture_posterior.MixturePosterior]    # H, of T signals each
-    signals: np.ndarray                 # (H, T, K) less what each state adds
-    noises: np.ndarray                  # (H, T, K, K) with it
-    shares: np.ndarray                  # (H, T) posterior probabilities of the states
-    relatives: list[mixture_posterior.RelativeErrors | None]      # H
-
-    def novelty(self, prior: LogitMixture) -> np.ndarray:
-        """Novelty (T,) of the signals, in the state that explains each best."""
-        return np.min([mixture_posterior.novelty(prior, mixture, noise) for mixture, noise
-                       in zip(self.mixtures, self.noises, strict=True)], axis=0)
-
-    def marginals(self, prior: LogitMixture,
-                  relative_response: np.ndarray) -> mixture_posterior.MixturePosterior:
-        """The mixtures that draws of the signals follow, over all states."""
-        return merged([calibrated_marginals.marginal_moments(prior, relative_response, *each)[0]
-                       for each in zip(self.signals, self.noises, self.mixtures, self.relatives,
-                                       strict=True)], self.shares)
-
-
-def posteriors_in_states(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
-                         covariances: np.ndarray, states: spectra.CaptureStates | None,
-                         start: ManyInStates | None = None, *,
-                         tolerance: float = mixture_posterior.TOLERANCE,
-                         relative: np.ndarray | None = None) -> ManyInStates:
-    """Posteriors of T signals in each of H states.
-
-    Parameters
-    ----------
-    prior : LogitMixture
-    relative_response : (K, P) array
-        On the prior's wavelengths, rows summing to 1.
-    signals : (T, K) array
-    covariances : (T, K, K) array
-        Of the signals' noise without what the states add.
-    states : CaptureStates or None
-        Of the K bands; None: nothing is added.
-    start : ManyInStates, optional
-        Of the same signals under other noise.
-    tolerance : float
-        As of `mixture_posterior.posterior`.
-    relative : (T, K, K) array, optional
-        Covariance of the errors that multiply the signals, which are not among the noise.
-    """
-    if states is None:
-        before = None if start is None else start.mixtures[0]
-        own = mixture_posterior.multiplying(relative)
-        mixture = mixture_posterior.posterior(prior, relative_response, signals, covariances,
-                                              before, tolerance=tolerance, relative=own)
-        return ManyInStates([mixture], signals[None], covariances[None],
-                            np.ones((1, len(signals))), [own])
-    off = signals - states.added[:, None]
-    noises = covariances + states.added_covariances[:, None]
-    relatives = [mixture_posterior.multiplying(relative, *added) for added
-                 in zip(states.added, states.added_covariances, strict=True)]
-    mixtures: list[mixture_posterior.MixturePosterior] = []
-    for state, (seen, noise) in enumerate(zip(off, noises, strict=True)):
-        before = start.mixtures[state] if start is not None else mixtures[-1] if mixtures else None
-        mixtures.append(mixture_posterior.posterior(prior, relative_response, seen, noise, before,
-                                  tolerance=tolerance, relative=relatives[state]))
-    shares, _ = state_shares(np.log(states.weights)[:, None],
-                             np.array([mixture.log_evidence for mixture in mixtures]))
-    return ManyInStates(mixtures, off, noises, shares, relatives)
 
 
 def state_shares(beforehand: np.ndarray, evidence: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

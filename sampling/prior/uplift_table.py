@@ -11,7 +11,6 @@ brighter than white. `table_error` says what the interpolation costs. Of more ba
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
@@ -35,32 +34,18 @@ Progress = Callable[[float], None]      # share that is done
 MapParts = Callable[[Callable[[int], Any], Iterable[int]], Iterable[Any]]      # as `map`
 
 
-@dataclass(frozen=True)
-class Uplifted:
-    """What n signals say by themselves."""
-
-    mean: np.ndarray                # (n, 61)
-    standard_deviation: np.ndarray  # (n, 61)
-    novelty: np.ndarray          # (n,) beyond 1 the prior was learnt from none like it
-
-
-@dataclass(frozen=True)
-class UpliftTable:
-    """Mean and standard deviation (L, 61), and novelty (L,), at L points of the lattice."""
-
-    mean: np.ndarray
-    standard_deviation: np.ndarray
-    novelty: np.ndarray
-    row: np.ndarray             # (side, side, side) of each point, -1 where it was left out
-    relative_response: np.ndarray
+# what n signals say by themselves: mean and standard deviation (n, 61), and novelty (n,): beyond 1
+# the prior was learnt from none like it
+Uplifted = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def build_tables(prior: mixture.LogitMixture, relative_response: np.ndarray,
                  errors: Callable[[np.ndarray], list[Errors]], wanted: np.ndarray,
                  progress: Progress = lambda share: None,
-                 map_parts: MapParts = map) -> list[UpliftTable]:
-    """The posterior of three-band signals on a lattice, 1000 to 2000 points a second, for several
-    errors; each table after the first takes half the time.
+                 map_parts: MapParts = map) -> tuple[list[Uplifted], np.ndarray]:
+    """The posterior of three-band signals at L points of a lattice, 1000 to 2000 points a second,
+    in single precision for several errors, and the row (side, side, side) of each point in these
+    tables, -1 where it was left out; each table after the first takes half the time.
 
     Parameters
     ----------
@@ -87,11 +72,10 @@ def build_tables(prior: mixture.LogitMixture, relative_response: np.ndarray,
     signals, same = np.unique(lattice(len(wanted))[wanted], axis=0, return_inverse=True)
     row = np.full(wanted.shape, -1, dtype=np.int32)
     row[wanted] = same.ravel()
-    return [UpliftTable(uplifted.mean.astype(np.float32),
-                        uplifted.standard_deviation.astype(np.float32),
-                        uplifted.novelty.astype(np.float32), row, relative_response)
-            for uplifted in _uplifted(prior, relative_response, signals, errors(signals), progress,
-                                  TABLE_TOLERANCE, map_parts)]
+    tables = _uplifted(prior, relative_response, signals, errors(signals), progress,
+                       TABLE_TOLERANCE, map_parts)
+    return [(mean.astype(np.float32), deviation.astype(np.float32), novelty.astype(np.float32))
+            for mean, deviation, novelty in tables], row
 
 
 def lattice(side: int) -> np.ndarray:
@@ -129,7 +113,8 @@ def relative_errors(signals: np.ndarray, noise: float) -> Errors:
 
 def uplift_signals(prior: mixture.LogitMixture, relative_response: np.ndarray, signals: np.ndarray,
                    errors: Errors, *, tolerance: float = mixture_posterior.TOLERANCE) -> Uplifted:
-    """Mean and standard deviation behind signals with errors of their own, each by itself.
+    """Mean and standard deviation (n, 61) behind signals with errors of their own, each by itself,
+    and their novelty (n,).
 
     They are those of calibrated draws: as wide as the 95 % band, not as the bare mixture.
 
@@ -154,23 +139,22 @@ def _uplifted(prior: mixture.LogitMixture, relative_response: np.ndarray, signal
               tolerance: float, map_parts: MapParts = map) -> list[Uplifted]:
     """What signals say under each of several errors."""
     shape = len(signals), mixture.PRIOR_GRID.nm.size
-    every = [Uplifted(np.empty(shape), np.empty(shape), np.empty(len(signals))) for _ in errors]
+    every = [(np.empty(shape), np.empty(shape), np.empty(len(signals))) for _ in errors]
 
     def compute(start: int) -> int:
         rows, mixture = slice(start, start + BATCH), None
-        for uplifted, own in zip(every, errors, strict=True):
+        for (mean, deviation, novelty), own in zip(every, errors, strict=True):
             noise, relative = own.absolute[rows], mixture_posterior.multiplying(own.relative[rows])
             mixture = mixture_posterior.posterior(prior, relative_response, signals[rows], noise,
                                                   mixture, tolerance=tolerance, relative=relative)
             drawn, _ = calibrated_marginals.marginal_moments(prior, relative_response,
                                                              signals[rows], noise, mixture,
                                                              relative)
-            uplifted.mean[rows], uplifted.standard_deviation[
-                rows] = mixture_posterior.mean_and_spread(drawn)
-            uplifted.novelty[rows] = np.maximum(
+            mean[rows], deviation[rows] = mixture_posterior.mean_and_spread(drawn)
+            novelty[rows] = np.maximum(
                 mixture_posterior.novelty(prior, mixture, noise),
-                mixture_posterior.unsaid(relative_response, uplifted.mean[rows], signals[rows],
-                                         noise, relative))
+                mixture_posterior.unsaid(relative_response, mean[rows], signals[rows], noise,
+                                         relative))
         return start
 
     for start in map_parts(compute, range(0, len(signals), BATCH)):
@@ -194,19 +178,23 @@ def points_around(signals: np.ndarray, side: int) -> np.ndarray:
     return wanted[:side, :side, :side]
 
 
-def uplift_pixels(table: UpliftTable, signals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def uplift_pixels(table: Uplifted, row: np.ndarray,
+                  signals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mean and standard deviation (n, 61), single precision, of signals (n, 3) from the table.
 
     Signals outside [0, 1] are taken at its edge; see `outside` for which they were.
 
     Parameters
     ----------
-    table : UpliftTable
-        With all `points_around` the signals.
+    table : Uplifted
+        One of `build_tables`, with all `points_around` the signals.
+    row : (side, side, side) array
+        Of each point of the lattice in the table.
     signals : (n, 3) array
     """
-    weights = interpolation(table.row, len(table.mean), signals)
-    return weights @ table.mean, weights @ table.standard_deviation
+    mean, deviation, _ = table
+    weights = interpolation(row, len(mean), signals)
+    return weights @ mean, weights @ deviation
 
 
 def interpolation(row: np.ndarray, points: int, signals: np.ndarray) -> csr_array:

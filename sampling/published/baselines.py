@@ -191,9 +191,9 @@ def best_by_signals(signals: np.ndarray, measured: np.ndarray, keep: int) -> np.
 
 
 def refined_as_published(measurement: spectra.SpectralMeasurement, coarse: int, fine: int,
-                         draws: int, seed: int) -> spectral_measurement.CoefficientDraws:
-    """Draws around one lifted solution in the box of the residual directions (Eqs. 11-16 read
-    literally).
+                         draws: int, seed: int) -> np.ndarray:
+    """Draws (T, fine) around one lifted solution in the box of the residual directions (Eqs. 11-16
+    read literally).
 
     Parameters
     ----------
@@ -222,6 +222,5 @@ def refined_as_published(measurement: spectra.SpectralMeasurement, coarse: int, 
         raise errors.InputError(
             f"refining {coarse} coefficients to {fine} leaves no direction that the "
             "camera does not see; refine to more")
-    coefficients, acceptance = draw_in_box(start, directions, draws, seed)
-    return spectral_measurement.CoefficientDraws(coefficients, acceptance, float(draws),
-                                                 spectra.Outcome.CONVERGED)
+    coefficients, _ = draw_in_box(start, directions, draws, seed)
+    return coefficients

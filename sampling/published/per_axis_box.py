@@ -69,15 +69,15 @@ def sample_published(measurement: spectra.SpectralMeasurement, draws: int, seed:
                 "use the bounded start")
     else:
         start = spectral_measurement.nearest_coefficients(operator.A, operator.y)
-    box = sample_per_axis(operator, start, draws, seed)
-    ended = () if box.outcome is spectra.Outcome.CONVERGED else (box.outcome.finding(),)
+    box, outcome = sample_per_axis(operator, start, draws, seed)
+    ended = () if outcome is spectra.Outcome.CONVERGED else (outcome.finding(),)
     return uniform.as_spectra(box, METHOD, seed, spectra.Outcome.AS_PUBLISHED,
                       spectra.Outcome.AS_PUBLISHED.finding(), *ended)
 
 
 def sample_per_axis(operator: spectral_measurement.MeasurementOperator, c0: np.ndarray, draws: int,
-                    seed: int) -> spectral_measurement.CoefficientDraws:
-    """Draw coefficients as published, around ``c0`` (N,), until ``draws`` are kept.
+                    seed: int) -> tuple[np.ndarray, spectra.Outcome]:
+    """Draw coefficients (T, N) as published, around ``c0`` (N,), until ``draws`` are kept.
 
     The draws reproduce ``A c0``; the noise of the signal is not used. The outcome is
     ``Outcome.UNREACHABLE`` where ``A c0`` is not the signal.
@@ -97,7 +97,7 @@ def sample_per_axis(operator: spectral_measurement.MeasurementOperator, c0: np.n
     ------
     InputError
         If c0 has another size or leaves [0, 1], or no draws are asked for; see also
-        `sampling.tilt.check_operator`.
+        `sampling.polytope.tilt.check_operator`.
     CalibrationError
         If A is rank deficient.
     ConvergenceError
@@ -111,12 +111,11 @@ def sample_per_axis(operator: spectral_measurement.MeasurementOperator, c0: np.n
                          "within 0 to 1, as bounded least squares gives")
     start = np.clip(c0, 0, 1)
     directions = tilt.null_space(operator)
-    coefficients, acceptance = draw_in_box(start, directions, draws, seed)
+    coefficients, _ = draw_in_box(start, directions, draws, seed)
     # 1e-6 of white: the accuracy to which a least-squares start reproduces a signal that is within
     # reach.
     fits = np.allclose(operator.A @ start, operator.y, rtol=0, atol=1e-6)
-    return spectral_measurement.CoefficientDraws(coefficients, acceptance, float(draws),
-                            spectra.Outcome.CONVERGED if fits else spectra.Outcome.UNREACHABLE)
+    return coefficients, spectra.Outcome.CONVERGED if fits else spectra.Outcome.UNREACHABLE
 
 
 def axis_intervals(c0: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -28,7 +28,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from spectrabox.radiometry.errors import ConvergenceError, InputError
-from spectrabox.radiometry.records import scenes, spectra
+from spectrabox.radiometry.records import scenes
 from spectrabox.sampling.prior import mixture
 
 # of Levenberg-Marquardt; the fall of the cost, in nats, at which it has converged
@@ -83,18 +83,6 @@ class JointProblem:
         """The problem with so many times the noise."""
         return replace(self, rows=self.rows / times, targets=self.targets / times,
                        added=self.added / times)
-
-
-@dataclass(frozen=True)
-class Modes:
-    """Most probable z (B, M P + Q) given labels (B, M), and the log evidence (B,) of each by
-    Laplace.
-    """
-
-    labels: np.ndarray
-    z: np.ndarray
-    evidence: np.ndarray
-    outcome: spectra.Outcome
 
 
 def gaussian_of(prior: mixture.LogitMixture) -> tuple[np.ndarray, np.ndarray]:
@@ -201,9 +189,10 @@ def _components(prior: mixture.LogitMixture, stated: Sequence[tuple[str, ...]], 
             np.concatenate([*roots, root[None]]))
 
 
-def fit_modes(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> Modes:
-    """Most probable z given labels (B, M), from z (B, M P + Q), by Levenberg-Marquardt, with
-    Laplace's evidence.
+def fit_modes(problem: JointProblem, labels: np.ndarray,
+              z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Most probable z (B, M P + Q) given labels (B, M), by Levenberg-Marquardt, and the log
+    evidence (B,) of each by Laplace.
 
     Parameters
     ----------
@@ -219,9 +208,8 @@ def fit_modes(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> Modes
         If a cost is not finite.
     """
     modes = [_fit_mode(problem, chosen, start) for chosen, start in zip(labels, z, strict=True)]
-    z, evidence, converged = (np.array(part) for part in zip(*modes, strict=True))
-    return Modes(labels, z, evidence,
-                 spectra.Outcome.CONVERGED if converged.all() else spectra.Outcome.STEP_LIMIT)
+    z, evidence = (np.array(part) for part in zip(*modes, strict=True))
+    return z, evidence
 
 
 def residual_and_jacobian(problem: JointProblem, labels: np.ndarray,
@@ -326,15 +314,12 @@ def log_weight_of(problem: JointProblem, labels: np.ndarray) -> float:
     return float(problem.log_weights[np.arange(len(labels)), labels].sum())
 
 
-def _fit_mode(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, float,
-                                                                                  bool]:
-    """z at the mode, log evidence, and whether it converged. The algebra is in the space of the F
-    rows.
-    """
+def _fit_mode(problem: JointProblem, labels: np.ndarray,
+              z: np.ndarray) -> tuple[np.ndarray, float]:
+    """z at the mode, and log evidence. The algebra is in the space of the F rows."""
     residual, jacobian = residual_and_jacobian(problem, labels, z)
     cost, damping = float(residual @ residual + z @ z) / 2, 1e-3
     values, vectors = np.linalg.eigh(jacobian @ jacobian.T)
-    converged = False
     for _ in range(STEPS):
         # Woodbury: (J'J + a I)^-1 v = (v - J' (J J' + a I)^-1 J v) / a; a step towards a lower
         # cost.
@@ -351,14 +336,13 @@ def _fit_mode(problem: JointProblem, labels: np.ndarray, z: np.ndarray) -> tuple
             values, vectors = np.linalg.eigh(jacobian @ jacobian.T)
         else:
             damping = max(10 * damping, 1e-3)
-        converged = 0 <= fall < COST_TOLERANCE or damping > 1e10
-        if converged:
+        if 0 <= fall < COST_TOLERANCE or damping > 1e10:
             break
     if not np.isfinite(cost):
         raise ConvergenceError("the joint fit did not reach a finite cost; check the signals and "
                                "their errors")
     evidence = log_weight_of(problem, labels) - cost - np.log1p(np.maximum(values, 0)).sum() / 2
-    return z, evidence, converged
+    return z, evidence
 
 
 def _whitened(coefficients: np.ndarray, signal: np.ndarray, weight: np.ndarray,

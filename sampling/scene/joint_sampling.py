@@ -16,13 +16,11 @@ independent; the weights say how good they are.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from spectrabox.radiometry.errors import ConvergenceError, InputError
-from spectrabox.radiometry.shaped import Record
 from spectrabox.sampling.polytope.diagnostics import tail_shape
 from spectrabox.sampling.prior.mixture import reflectance
 from spectrabox.sampling.scene import joint_posterior
@@ -35,16 +33,8 @@ BLOCK = 250
 MIN_EFFECTIVE, TAIL_LIMIT = 400.0, 0.7     # of the weights (tail: Vehtari et al. 2024)
 
 
-@dataclass(frozen=True, eq=False)
-class JointSamples(Record):
-    """Draws of the reflectances of all materials of a scene on the prior's wavelengths, all equally
-    likely.
-    """
-
-    materials: tuple[str, ...]
-    spectra: Annotated[np.ndarray, "T M P"]
-    effective_samples: float    # effective number of the weighted proposals
-    tail: float  # shape of the weights' tail: below 0.7 the effective number can be trusted
+# labels (B, M), their most probable z (B, M P + Q), and the log evidence (B,) of each by Laplace
+Modes = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -65,9 +55,10 @@ class _Proposer:
 
 
 def sample_joint(problem: joint_posterior.JointProblem, seed: int,
-                 modes: joint_posterior.Modes | None = None, kept: int = 4000,
-                 effective_wanted: float = MIN_EFFECTIVE) -> JointSamples:
-    """Draw from the joint posterior until enough draws are effective.
+                 modes: Modes | None = None, kept: int = 4000,
+                 effective_wanted: float = MIN_EFFECTIVE) -> tuple[np.ndarray, float, float]:
+    """Draws (T, M, P) of the reflectances of all materials, all equally likely, once enough are
+    effective.
 
     Parameters
     ----------
@@ -80,6 +71,15 @@ def sample_joint(problem: joint_posterior.JointProblem, seed: int,
     effective_wanted : float
         Effective number of weighted proposals at which to stop: 1000 for a 95 % band.
 
+    Returns
+    -------
+    spectra : (T, M, P) array
+        On the prior's wavelengths.
+    effective : float
+        Effective number of the weighted proposals.
+    tail : float
+        Shape of the weights' tail: below 0.7 the effective number can be trusted.
+
     Raises
     ------
     InputError
@@ -89,11 +89,11 @@ def sample_joint(problem: joint_posterior.JointProblem, seed: int,
     """
     if kept < 100:
         raise InputError(f"{kept} draws were asked for; ask for at least 100")
-    modes = modes or find_modes(problem, SAMPLED)
+    every_label, every_z, evidence = modes or find_modes(problem, SAMPLED)
     rng = np.random.default_rng(seed)
-    proposers = [_proposer(problem, labels, z) for labels, z in zip(modes.labels, modes.z,
-                                                                    strict=True)]
-    belief = np.exp(modes.evidence - modes.evidence.max())
+    proposers = [_proposer(problem, labels, z)
+                 for labels, z in zip(every_label, every_z, strict=True)]
+    belief = np.exp(evidence - evidence.max())
     counts = np.zeros(len(proposers), dtype=int)
     logits: list[np.ndarray] = []
     log_ratios: list[np.ndarray] = []
@@ -127,7 +127,7 @@ def sample_joint(problem: joint_posterior.JointProblem, seed: int,
     chosen = np.searchsorted(cumulative, (np.arange(kept) + rng.random())
                              / kept).clip(max=len(weights) - 1)
     spectra = reflectance(np.concatenate(logits)[rng.permutation(chosen)])  # else mode after mode
-    return JointSamples(problem.materials, spectra, effective, tail)
+    return spectra, effective, tail
 
 
 def _proposer(problem: joint_posterior.JointProblem, labels: np.ndarray,
@@ -255,7 +255,7 @@ EVIDENCE_CUTOFF = 7.0   # nats below the best, by the linearised evidence
 
 
 def find_modes(problem: joint_posterior.JointProblem, most: int = FITTED,
-               first_guess: joint_posterior.JointProblem | None = None) -> joint_posterior.Modes:
+               first_guess: joint_posterior.JointProblem | None = None) -> Modes:
     """The most probable spectra of all materials, and of the labels that come near to them, the
     best first.
 
@@ -279,16 +279,12 @@ def find_modes(problem: joint_posterior.JointProblem, most: int = FITTED,
     one_gaussian, z = np.full((1, materials), len(problem.means)
                               - 1), np.zeros((1, materials * wavelengths + len(start.logs)))
     for times in SOFTENED:
-        rough = joint_posterior.fit_modes(start.softened(times), one_gaussian, z)
-        z = rough.z
+        z, evidence = joint_posterior.fit_modes(start.softened(times), one_gaussian, z)
     if first_guess is not None:
-        rough = joint_posterior.fit_modes(problem, one_gaussian, np.pad(
+        z, evidence = joint_posterior.fit_modes(problem, one_gaussian, np.pad(
             z, ((0, 0), (0, len(problem.logs) - len(start.logs)))))
-    first = joint_posterior.fit_modes(problem,
-                                      *near_labels(problem, *_best_of(problem, rough), FITTED))
-    second = joint_posterior.fit_modes(problem,
-                                       *near_labels(problem, *_best_of(problem, first), most))
-    return _joined(first, second)
+    first = _modes_around(problem, (one_gaussian, z, evidence), FITTED)
+    return _joined(first, _modes_around(problem, first, most))
 
 
 def near_labels(problem: joint_posterior.JointProblem, logits: np.ndarray, errors: np.ndarray,
@@ -337,19 +333,21 @@ def near_labels(problem: joint_posterior.JointProblem, logits: np.ndarray, error
     return np.array(best), np.array(z)
 
 
-def _best_of(problem: joint_posterior.JointProblem,
-             modes: joint_posterior.Modes) -> tuple[np.ndarray, np.ndarray]:
-    """Logits (M, P) and errors that multiply signals (Q,) of the best mode."""
-    best = int(np.argmax(modes.evidence))
-    z = modes.z[best:best + 1]
-    return joint_posterior.logits_of(problem, modes.labels[best], z)[0], problem.errors_of(z[0])
+def _modes_around(problem: joint_posterior.JointProblem, modes: Modes, most: int) -> Modes:
+    """Modes of the best labels, at most so many, by the evidence linearised at the best mode."""
+    labels, z, evidence = modes
+    best = int(np.argmax(evidence))
+    near, start = near_labels(
+        problem, joint_posterior.logits_of(problem, labels[best], z[best:best + 1])[0],
+        problem.errors_of(z[best]), most)
+    return near, *joint_posterior.fit_modes(problem, near, start)
 
 
-def _joined(first: joint_posterior.Modes, second: joint_posterior.Modes) -> joint_posterior.Modes:
+def _joined(first: Modes, second: Modes) -> Modes:
     """The modes of the second, and those of the first that it has not, the best first."""
-    known = set(map(tuple, second.labels.tolist()))
-    new = np.array([tuple(labels) not in known for labels in first.labels.tolist()])
-    labels, z = np.vstack([second.labels, first.labels[new]]), np.vstack([second.z, first.z[new]])
-    evidence = np.concatenate([second.evidence, first.evidence[new]])
+    known = set(map(tuple, second[0].tolist()))
+    new = np.array([tuple(labels) not in known for labels in first[0].tolist()])
+    labels, z, evidence = (np.concatenate([own, other[new]])
+                           for own, other in zip(second, first, strict=True))
     order = np.argsort(-evidence)
-    return joint_posterior.Modes(labels[order], z[order], evidence[order], second.outcome)
+    return labels[order], z[order], evidence[order]

@@ -83,16 +83,16 @@ def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np
     modes = joint_sampling.find_modes(
         problem, joint_sampling.SAMPLED,
         None if common is None else joint_posterior.joint_problem(*scene, None, known, families))
-    draws_of_all = joint_sampling.sample_joint(problem, seed, modes, draws, EFFECTIVE)
-    likely = surprise(problem, modes) >= SURPRISING
+    drawn, effective, _ = joint_sampling.sample_joint(problem, seed, modes, draws, EFFECTIVE)
+    likely = surprise(problem, *modes) >= SURPRISING
     outcome = Outcome.THROUGH_TRANSPORT if likely else Outcome.DISAGREES
     basis = grid.basis_matrix(mixture.PRIOR_GRID.nm, coefficients)
 
     def samples_of(spectra: np.ndarray) -> SpectrumSamples:
         return SpectrumSamples(mixture.PRIOR_GRID, spectra, nearest_splines(spectra, basis), METHOD,
-                               draws_of_all.effective_samples, seed, outcome, (outcome.finding(),))
+                               effective, seed, outcome, (outcome.finding(),))
 
-    return {name: samples_of(draws_of_all.spectra[:, m])
+    return {name: samples_of(drawn[:, m])
             for m, name in enumerate(problem.materials)}
 
 
@@ -177,19 +177,19 @@ def split_shared(signal: np.ndarray, group: np.ndarray, causes: Mapping[str, np.
     return together + signal * (whole - by_group)[:, group], by_group[:, group]
 
 
-def surprise(problem: joint_posterior.JointProblem, modes: joint_posterior.Modes) -> float:
+def surprise(problem: joint_posterior.JointProblem, labels: np.ndarray, z: np.ndarray,
+             evidence: np.ndarray) -> float:
     """Chance of a picture at least as far from the prior's as this one, in the Gaussian
-    approximation at the mode.
+    approximation at the best mode.
 
     Parameters
     ----------
     problem : JointProblem
-    modes : Modes
-        The best of which is judged.
+    labels, z, evidence : (B, M), (B, M P + Q) and (B,) arrays
+        Of the modes.
     """
-    best = int(np.argmax(modes.evidence))
-    z = modes.z[best]
+    best = int(np.argmax(evidence))
     residual, *_ = joint_posterior.residual_by_logit(
-        problem,
-        joint_posterior.logits_of(problem, modes.labels[best], z[None])[0], problem.errors_of(z))
-    return float(chdtrc(len(residual), residual @ residual + z @ z))
+        problem, joint_posterior.logits_of(problem, labels[best], z[best][None])[0],
+        problem.errors_of(z[best]))
+    return float(chdtrc(len(residual), residual @ residual + z[best] @ z[best]))

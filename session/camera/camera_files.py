@@ -311,11 +311,11 @@ def write_curves(path: Path, camera: camera.CameraFit) -> None:
 
 def write_draws(path: Path, camera: camera.CameraFit) -> None:
     """Draws of all curves together as an NPZ."""
-    if camera.band is None or camera.band.draws is None:
+    if camera.draws is None:
         raise InputError("draws come with the method prior only; leave --draws-file out")
     with whole_file(path) as unfinished, unfinished.open("wb") as file:
         np.savez_compressed(file, wavelengths_nm=camera.sensitivity.grid.nm,
-                            curves=camera.band.draws)
+                            curves=camera.draws)
 
 
 def add_cameras(sources: Sequence[Path]) -> tuple[list[str], list[str], Path]:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.calibrate.colour_profile import ILLUMINANTS, IlluminantMatrices
+from spectrabox.calibrate.colour_profile import ILLUMINANTS
 from spectrabox.capture.photo.raw import decode
 from spectrabox.measure.profiles.camera_profile import CameraProfile, camera_profile
 from spectrabox.measure.profiles.colour_profile import colour_profile, response_of_curves
@@ -80,7 +80,8 @@ def write_profiles(sensitivity: str, camera: str, out: Sequence[Path], light: st
                           profile.colours.matrix.coefficients, profile.colours.table.xyz)
         else:
             write_dcp(path, camera, f"{camera} spectrabox",
-                      profile.fitted)
+                      {illuminant: (colour[0], forward[0])
+                       for illuminant, (colour, forward, _) in profile.matrices.items()})
     return profile
 
 
@@ -138,7 +139,8 @@ def write_vkdt(path: Path, nm: np.ndarray, curves: np.ndarray) -> None:
         for point, row in zip(NM, (_on_table(nm, curves) / curves.max()).T, strict=True)))
 
 
-def write_dcp(path: Path, camera: str, name: str, matrices: dict[str, IlluminantMatrices]) -> None:
+def write_dcp(path: Path, camera: str, name: str,
+              matrices: dict[str, tuple[np.ndarray, np.ndarray]]) -> None:
     """A DNG camera profile with the matrices of two illuminants (DNG specification 1.6).
 
     Parameters
@@ -147,16 +149,17 @@ def write_dcp(path: Path, camera: str, name: str, matrices: dict[str, Illuminant
         UniqueCameraModel, as a DNG of the camera states it.
     name : str
         Of the profile, as a raw developer lists it.
-    matrices : dict of IlluminantMatrices
+    matrices : dict of colour and forward matrix
         By the names of ``ILLUMINANTS``.
     """
-    first, second = (matrices[illuminant] for illuminant in ILLUMINANTS)
+    (colour, forward), (other_colour, other_forward) = (
+        matrices[illuminant] for illuminant in ILLUMINANTS)
     numbers = list(ILLUMINANTS.values())
-    fields = {50708: _text(camera), 50721: _matrix(first.colour), 50722: _matrix(second.colour),
+    fields = {50708: _text(camera), 50721: _matrix(colour), 50722: _matrix(other_colour),
               50778: (SHORT, 1, struct.pack("<H", numbers[0])),
               50779: (SHORT, 1, struct.pack("<H", numbers[1])), 50936: _text(name),
               50941: (LONG, 1, struct.pack("<L", UNRESTRICTED)), 50942: _text("made by spectrabox"),
-              50964: _matrix(first.forward), 50965: _matrix(second.forward)}
+              50964: _matrix(forward), 50965: _matrix(other_forward)}
     with files.whole_file(path) as unfinished:
         unfinished.write_bytes(struct.pack("<4sL", b"IIRC", 8) + _directory(fields, 8))
 

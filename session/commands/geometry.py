@@ -13,7 +13,7 @@ from spectrabox.session.terminal import command_help, command_line
 if TYPE_CHECKING:
     import numpy as np
 
-    from spectrabox.calibrate.geometry.lens import CameraPosition, Lens
+    from spectrabox.calibrate.geometry.lens import Lens, Pose
     from spectrabox.radiometry.records.photos import LinearImage
 
 Photo = Annotated[Path, typer.Argument(metavar="PHOTO", show_default=False,
@@ -154,12 +154,12 @@ def pose(
         _require_size(image, used)
         camera_pose = pose_from_points(positions, points, used, names)
     camera = lenses.mitsuba_sensor(used, camera_pose)
-    position = lenses.camera_position(camera_pose)
     refinement = Refinement(
         what="camera", name="of the photo", how=f"found from {len(names)} points of "
         f"{photo.name}, rms {camera_pose.rms_px:.2f} pixels; direction known to "
-        f"{position.direction_standard_error_deg:.2f} degrees", place=rounded(position.position),
-        standard_error=rounded(position.position_standard_error))
+        f"{camera_pose.direction_standard_error_deg:.2f} degrees",
+        place=rounded(camera_pose.position),
+        standard_error=rounded(camera_pose.position_standard_error))
     write_text_whole(out, scene_with_camera(
         scene, camera, (width, height), out.parent, refinement))
     if overlay is not None:
@@ -167,13 +167,16 @@ def pose(
     flat = points_file is not None and spread(positions)[2] < FLAT
     misses = dict(zip(names, np.linalg.norm(camera_pose.residuals_px, axis=1).tolist(),
                       strict=True))
-    facts = {"out": out, **command_line.to_json(position), "rms_px": camera_pose.rms_px,
+    facts = {"out": out, "position": camera_pose.position,
+             "position_standard_error": camera_pose.position_standard_error,
+             "direction": camera_pose.direction,
+             "direction_standard_error_deg": camera_pose.direction_standard_error_deg,
+             "rms_px": camera_pose.rms_px,
              "residuals_px": misses, "camera": camera, "lens": lenses.lens_facts(used),
              "in_one_plane": bool(flat)}
     return command_line.Answer(
         facts, "\n".join(
-            _pose_lines(position, misses, camera_pose.rms_px, used, out, lens_file is None,
-                        bool(flat))))
+            _pose_lines(camera_pose, misses, used, out, lens_file is None, bool(flat))))
 
 
 @command_line.Command
@@ -301,14 +304,14 @@ def _lens_lines(lens: Lens) -> list[str]:
     return lines
 
 
-def _pose_lines(camera: CameraPosition, misses: dict[str, float], rms_px: float, lens: Lens,
-                out: Path, without_lens: bool, flat: bool) -> list[str]:
+def _pose_lines(camera: Pose, misses: dict[str, float], lens: Lens, out: Path, without_lens: bool,
+                flat: bool) -> list[str]:
     worst = max(misses, key=lambda name: misses[name])
     position = ", ".join(f"{value:.4g} ({error:.2g})" for value, error in
                          zip(camera.position, camera.position_standard_error, strict=True))
     lines = [f"camera at {position} in the scene's unit (standard errors in brackets), its "
              f"direction known to {camera.direction_standard_error_deg:.2f} degrees",
-             f"{len(misses)} points, rms {rms_px:.2f} pixels, largest "
+             f"{len(misses)} points, rms {camera.rms_px:.2f} pixels, largest "
              f"{misses[worst]:.2f} at {worst}"]
     if without_lens:
         lines.append(f"focal length {lens.matrix[0, 0]:.1f} pixels (standard error "

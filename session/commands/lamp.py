@@ -154,7 +154,7 @@ def beam(
     height, width = image.signal.shape[:2]
     if width > WIDTH:
         image = bin_image(image, *render_size(width, height, WIDTH))
-    profile = fit_beam(wall_cells(image, wall, lens), wall)
+    profile = fit_beam(*wall_cells(image, wall, lens), wall)
     write_text_whole(out, profile_text(profile.angle_deg, profile.radiance,
                                        profile.standard_error))
     return command_line.Answer({"out": out, **command_line.to_json(profile)},

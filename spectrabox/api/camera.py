@@ -89,7 +89,7 @@ class CameraEstimate:
         """
         if self.fit.band is None:
             raise errors.InputError("measured curves have no band of their own")
-        return self.fit.band.lower, self.fit.band.upper
+        return self.fit.band
 
     @property
     def verdict(self) -> str:
