@@ -33,7 +33,7 @@ from spectrabox.radiometry.records.scenes import JointReconstruction
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.reconstruct import settings, view
 from spectrabox.reconstruct.fit.transport_fit import TracedView
-from spectrabox.reconstruct.replay import Stage, Truth, replay, set_stage
+from spectrabox.reconstruct.replay import Truth, replay, replayable
 from spectrabox.sampling.prior import mixture
 from spectrabox.sampling.prior.families.family_models import true_reflectances
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
@@ -147,8 +147,8 @@ def prepare_replays(views: Sequence[view.PhotoView], settings: settings.Inversio
     of_truths = np.random.SeedSequence(seed).spawn(2)[0]
     truths = {name: true_reflectances(own, times, np.random.default_rng(one)) for (name, own), one
               in zip(priors.items(), of_truths.spawn(len(priors)), strict=True)}
-    return Replays(set_stage(views, settings, progress), calibrations, joint, errors, priors,
-                   truths, _cameras(calibrations[0], times, seed))
+    return Replays(replayable(views, settings, progress), settings, calibrations, joint, errors,
+                   priors, truths, _cameras(calibrations[0], times, seed))
 
 
 def rehearse(replays: Replays, level: float, seed: int, progress: spectra.Progress) -> Rehearsed:
@@ -191,7 +191,8 @@ def rehearse(replays: Replays, level: float, seed: int, progress: spectra.Progre
 class Replays:
     """A scene as it is replayed, with truths and cameras of T replays."""
 
-    stage: Stage
+    views: tuple[TracedView, ...]
+    inversion: settings.InversionSettings
     calibrations: Sequence[calibration.Calibration]
     joint: JointReconstruction
     errors: StatedErrors
@@ -202,7 +203,8 @@ class Replays:
 
     def again(self, number: int, rng: np.random.Generator) -> JointReconstruction:
         """The reconstruction from photos of one truth."""
-        return with_stray_light(replay(self.stage, self.truth(number, rng), rng), self.errors)
+        return with_stray_light(replay(self.views, self.inversion, self.truth(number, rng), rng),
+                                self.errors)
 
     def truth(self, number: int, rng: np.random.Generator) -> Truth:
         """What is photographed in one replay."""
@@ -212,7 +214,7 @@ class Replays:
                     + (gloss.draw_gloss(self.errors.gloss[name], 1, rng)[0]
                        if name in self.errors.gloss else 0.0)
                     for name, truths in self.truths.items()}
-        views = range(len(self.stage.views))
+        views = range(len(self.views))
         responses = tuple(self._response(index, self.cameras[number], rng) for index in views)
         return Truth(spectra, responses, *self._stray_light(rng))
 
@@ -231,7 +233,7 @@ class Replays:
                                                               tuple[float, ...]]:
         """Glare (K,) and ambient light of each view: as large as stated, and never less than none.
         """
-        views = len(self.stage.views)
+        views = len(self.views)
         glare = [self.errors.glare * part for part in np.abs(rng.standard_normal(views))]
         ambient = self.errors.ambient * np.abs(rng.standard_normal(views))
         return tuple(glare), tuple(ambient.tolist())
@@ -239,7 +241,7 @@ class Replays:
     def _response(self, index: int, curves: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Response (L, K, P) of a true camera (K, P) under true light, with the true scale in it.
         """
-        return _response(self.stage.views[index], self.calibrations[index], self.joint, index,
+        return _response(self.views[index], self.calibrations[index], self.joint, index,
                          curves, rng)
 
 
