@@ -43,7 +43,7 @@ def test_a_cluster_makes_the_bits_of_processes_though_a_worker_is_killed(session
     folders = begun(session, tmp_path, ["a", "b"], until="signals")
     order = order_of(folders, tmp_path / "out")
     with open_workers("local", 1, len(folders)) as workers, kill_worker_at(folders[0]):
-        assert workers.capacity().workers == 1 and workers.about == ""
+        assert workers.capacity()[0] == 1 and workers.about == ""
         # Dask's own setting has every array mapped anew: up to half as much processor again
         assert {*default_client().run(os.getenv, "MALLOC_TRIM_THRESHOLD_").values()} == {None}
         outcomes = run_batch(order, folders, workers)
@@ -137,7 +137,7 @@ def test_a_scheduler_that_dies_costs_nothing_that_is_stored(session, tmp_path, d
     address, scheduler, worker = dask()
     with pytest.raises(EnvironmentProblem, match="the same command again to go on"), \
             open_workers(address, None, 2) as workers:
-        assert workers.capacity().worker_bytes == 2 * 2**30
+        assert workers.capacity()[2] == 2 * 2**30
         for outcome in run_batch(order, folders, workers):
             assert outcome.state == "done", outcome.says
             scheduler.kill()

@@ -53,7 +53,7 @@ def batch(
                     open_workers(cluster, workers, len(waiting), dashboard) as pool:
                 if pool.about and not quiet:
                     command_line.tell(pool.about)
-                used = pool.capacity().workers
+                used, _, _ = pool.capacity()
                 progress = overview.BatchProgress(show, len(order.folders), kept,
                                                   not quiet and not sys.stderr.isatty())
                 for outcome in tasks.run_batch(order, waiting, pool):

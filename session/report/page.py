@@ -156,11 +156,9 @@ def _texts(*files: Path) -> Markup:
 def _flat_sections(result: flat_result.FlatResult, results: SessionResults,
                    links: Mapping[str, tuple[str, int]]) -> dict[str, Any]:
     """Photos with regions and light, for the templates."""
-    photos = [PhotoSection(photo, figures.photo_figure(
-                               f"photo-{number}", photo, results.previews[photo.view], links,
-                               results.calibrated.get(photo.view)),
-                           figures.light_figure(f"light-map-{number}", photo),
-                           _whiskers(photo), photo.view in results.calibrated)
+    photos = [(photo, figures.photo_figure(f"photo-{number}", photo, results.previews[photo.view],
+                                           links, results.calibrated.get(photo.view)),
+               figures.light_figure(f"light-map-{number}", photo), _whiskers(photo))
               for number, photo in enumerate(result.photos, start=1)]
     return {"photos": photos, "geometry": None}
 
@@ -186,17 +184,6 @@ def _scene_sections(result: scene_result.SceneResult, results: SessionResults,
             "linked_photo": maps.linked_photo("photo", fit, result.calibration, links),
             "geometry": maps.geometry_section(result.geometry, results.previews),
             "loss": figures.loss_figure("loss", fit.loss_history)}
-
-
-@dataclass(frozen=True, eq=False)
-class PhotoSection:
-    """A photo of flat samples on the page."""
-
-    photo: flat_result.PhotoOfRegions
-    figure: Markup
-    light: Markup | None            # over the photo; None where it shows no region
-    whiskers: dict[str, Markup]     # by region: its light with its error
-    calibrated: bool                # whether the photo is shown in the colours of the calibration
 
 
 def _content(results: SessionResults, cards: list[Card]) -> dict[str, Any]:
@@ -261,7 +248,8 @@ class AgreementSection:
     pair: Markup
     residuals: Markup
     limit: float                    # of the scale of residuals
-    rows: list[sections.RenderedSurface]
+    surfaces: scenes.SurfaceAgreement
+    colours: list[str]              # of these in the map
     bands: list[tuple[str, str]]    # names and colours
     scale: str                      # of the light
     off: float = rules.SURFACE_OFF
@@ -274,12 +262,12 @@ def _agreement_section(name: str, fit: scenes.Reconstruction, calibration: calib
                             maps.pair_figure(f"pair{name}", fit, calibration.sensitivity, bands),
                             maps.residual_figure(f"residuals{name}", fit, bands),
                             maps.residual_limit(maps.residual_maps(fit)),
-                            sections.rendered_surfaces(fit),
+                            fit.agreement, maps.surface_colours(len(fit.agreement.names)),
                             list(zip(bands, plots.band_colours(bands), strict=True)),
                             methods.scale_words(fit.light_scale))
 
 
-SECTIONS = (AgreementSection, Card, sections.ChartSection, PhotoSection)
+SECTIONS = (AgreementSection, Card, sections.ChartSection)
 
 
 def _of_kind(content: Any, kind: type[Kind]) -> Iterator[Kind]:

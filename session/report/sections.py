@@ -11,60 +11,8 @@ from spectrabox.measure import rules, texts
 from spectrabox.measure.results.capture_result import CaptureResult, ChartResult
 from spectrabox.radiometry.appearance import reflectance_to_srgb
 from spectrabox.radiometry.records.calibration import HeldOutPatches
-from spectrabox.radiometry.records.scenes import Reconstruction
-from spectrabox.session.report import figures, maps
+from spectrabox.session.report import figures
 from spectrabox.session.report.spectra import SwatchPairs, css_colour, swatch_pairs
-
-
-@dataclass(frozen=True, eq=False)
-class RenderedSurface:
-    """One surface of a photo against its rendering."""
-
-    number: int                     # in the map, from 1
-    colour: str
-    name: str
-    material: str
-    pixels: int
-    bands: list[tuple[float, float, bool]]      # ratio, spread, and whether it is off
-
-
-def rendered_surfaces(fit: Reconstruction) -> list[RenderedSurface]:
-    """Every surface of a photo that was rendered."""
-    agreement, rows = fit.agreement, []
-    for index, colour in enumerate(maps.surface_colours(len(agreement.names))):
-        bands = [(float(ratio), float(spread), abs(float(ratio) - 1) > rules.SURFACE_OFF)
-                 for ratio, spread in zip(agreement.ratio[index], agreement.spread[index],
-                                          strict=True)]
-        rows.append(RenderedSurface(index + 1, colour, agreement.names[index],
-                                    agreement.materials[index], int(agreement.pixels[index]),
-                                    bands))
-    return rows
-
-
-@dataclass(frozen=True)
-class ChartPatch:
-    """A row of the table of patches."""
-
-    number: int
-    name: str
-    # of each band: signal measured, its standard error, signal predicted, residual (measured -
-    # predicted) / measured, the same of a fit without this patch, and whether to mark the first
-    bands: list[tuple[float, float, float, float, float | None, bool]]
-    saturated: float                # share of its pixels in the worst band
-
-
-@dataclass(frozen=True)
-class PatchSpectrum:
-    """A patch whose spectrum was estimated without it, and its reference, as the page shows it."""
-
-    number: int
-    name: str
-    kept_out: bool                  # of all fits, by the operator
-    estimate: str                   # colours as CSS writes them
-    reference: str
-    delta_e00: float | None         # between both; None of a patch that is saturated
-    rmse: float
-    inside: float                   # share of wavelengths at which the band holds the reference
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,14 +20,19 @@ class ChartSection:
     """What the report shows of the chart and of the calibration by it."""
 
     chart: ChartResult
-    patches: list[ChartPatch]
+    # of each patch its name; of each band the signal measured, its standard error, the signal
+    # predicted, the residual (measured - predicted) / measured, the same of a fit without this
+    # patch, and whether to mark the first; and the share of saturated pixels in the worst band
+    patches: list[tuple[str, list[tuple[float, float, float, float, float | None, bool]], float]]
     swatches: SwatchPairs
     prior_figure: Markup | None     # share of the prior in each band; None where none was used
     families: list[tuple[str, float]]   # of cameras, with their probabilities
     residuals: Markup
     rms: float | None
     irradiance: Markup
-    left_out: list[PatchSpectrum]   # each patch by a calibration without it; empty without one
+    # of each patch by a calibration without it, where there is one: its colour as estimated and as
+    # the reference has it, as CSS writes them, and CIEDE2000 between both
+    left_out: list[tuple[str, str, float]]
     limit: float
 
     @property
@@ -116,25 +69,22 @@ def chart_section(result: CaptureResult) -> ChartSection | None:
                                       chart_findings.chart_limits(result.stated.chart_stated)[0]),
         chart_findings.root_mean_square(residuals),
         figures.irradiance_figure("irradiance", chart.irradiance, chart.layout.rows),
-        [] if left_out is None else _patch_spectra(left_out, chart.layout.names),
+        [] if left_out is None else _left_out(left_out),
         chart_findings.chart_limits(result.stated.chart_stated)[0])
 
 
-def _patch_spectra(patches: HeldOutPatches, names: tuple[str, ...]) -> list[PatchSpectrum]:
-    colours = [[css_colour(reflectance_to_srgb(patches.grid.nm, one)) for one in spectra]
-               for spectra in (patches.mean, patches.reference)]
-    return [
-        PatchSpectrum(number, name, bool(kept_out), estimate, reference,
-                      float(difference) if judged else None, float(rmse), float(inside))
-        for number, (
-            name, kept_out, estimate, reference, difference, judged, rmse, inside) in enumerate(
-                zip(names, patches.excluded, *colours, chart_findings.patch_differences(patches),
-                    patches.judged, patches.rmse, patches.inside, strict=True), start=1)
-    ]
+def _left_out(patches: HeldOutPatches) -> list[tuple[str, str, float]]:
+    estimates, references = (
+        [css_colour(reflectance_to_srgb(patches.grid.nm, one)) for one in spectra]
+        for spectra in (patches.mean, patches.reference))
+    return list(zip(estimates, references, chart_findings.patch_differences(patches).tolist(),
+                    strict=True))
 
 
 def _patches(chart: ChartResult, residuals: np.ndarray,
-             held_out: np.ndarray | None) -> list[ChartPatch]:
+             held_out: np.ndarray | None
+             ) -> list[tuple[str, list[tuple[float, float, float, float, float | None, bool]],
+                             float]]:
     without = np.full(residuals.shape, None) if held_out is None else held_out
     rows = []
     for index, name in enumerate(chart.layout.names):
@@ -143,8 +93,7 @@ def _patches(chart: ChartResult, residuals: np.ndarray,
                  for measured, error, predicted, residual, other
                  in zip(chart.samples.mean[index], chart.samples.standard_error[index],
                         chart.predicted[index], residuals[index], without[index], strict=True)]
-        rows.append(ChartPatch(index + 1, name, bands,
-                               float(chart.samples.saturated_fraction[index].max())))
+        rows.append((name, bands, float(chart.samples.saturated_fraction[index].max())))
     return rows
 
 
