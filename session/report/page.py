@@ -204,8 +204,8 @@ def _content(results: SessionResults, cards: list[Card]) -> dict[str, Any]:
             pictures[title] = picture
         if failed is not None:
             missing.append(failed)
-    chart, failed_chart = attempt("section on the chart", lambda: sections.chart_section(result),
-                                  None)
+    of_chart, failed_chart = attempt("section on the chart",
+                                     lambda: sections.chart_section(result), {"chart": None})
     light = result.calibration.light
     return {
         "results": results, "found": result, "verdict": verdict,
@@ -220,7 +220,7 @@ def _content(results: SessionResults, cards: list[Card]) -> dict[str, Any]:
                        if surface.summary is not None), None),
         "truths": any(surface.scores is not None for surface in result.surfaces),
         "files": _files(result),
-        "chart": chart, "held_out_rms": sections.held_out_rms(result),
+        **of_chart, "held_out_rms": sections.held_out_rms(result),
         "sensitivity_figure": sensitivity_figure("sensitivity", result.calibration.sensitivity,
                                                  result.bands, results.sensitivity_truth),
         "scale": None if result.light_scale is None else methods.scale_words(result.light_scale),
@@ -267,7 +267,7 @@ def _agreement_section(name: str, fit: scenes.Reconstruction, calibration: calib
                             methods.scale_words(fit.light_scale))
 
 
-SECTIONS = (AgreementSection, Card, sections.ChartSection)
+SECTIONS = (AgreementSection, Card)
 
 
 def _of_kind(content: Any, kind: type[Kind]) -> Iterator[Kind]:

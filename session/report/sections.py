@@ -1,10 +1,9 @@
 """Sections of the report: what its templates lay out of the chart, and of a rendering."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 
 from spectrabox.calibrate import chart_findings
 from spectrabox.measure import rules, texts
@@ -12,65 +11,47 @@ from spectrabox.measure.results.capture_result import CaptureResult, ChartResult
 from spectrabox.radiometry.appearance import reflectance_to_srgb
 from spectrabox.radiometry.records.calibration import HeldOutPatches
 from spectrabox.session.report import figures
-from spectrabox.session.report.spectra import SwatchPairs, css_colour, swatch_pairs
+from spectrabox.session.report.spectra import css_colour, swatch_pairs
 
 
-@dataclass(frozen=True, eq=False)
-class ChartSection:
-    """What the report shows of the chart and of the calibration by it."""
+def chart_section(result: CaptureResult) -> dict[str, Any]:
+    """What the templates show of the chart and of the calibration by it: ``chart``, None where no
+    chart was used, and beside it
 
-    chart: ChartResult
-    # of each patch its name; of each band the signal measured, its standard error, the signal
-    # predicted, the residual (measured - predicted) / measured, the same of a fit without this
-    # patch, and whether to mark the first; and the share of saturated pixels in the worst band
-    patches: list[tuple[str, list[tuple[float, float, float, float, float | None, bool]], float]]
-    swatches: SwatchPairs
-    prior_figure: Markup | None     # share of the prior in each band; None where none was used
-    families: list[tuple[str, float]]   # of cameras, with their probabilities
-    residuals: Markup
-    rms: float | None
-    irradiance: Markup
-    # of each patch by a calibration without it, where there is one: its colour as estimated and as
-    # the reference has it, as CSS writes them, and CIEDE2000 between both
-    left_out: list[tuple[str, str, float]]
-    limit: float
-
-    @property
-    def left_out_sentence(self) -> str:
-        """One sentence on all patches."""
-        if self.chart.left_out is None:
-            return ""
-        return texts.sentence(
-            chart_findings.held_out(self.chart.left_out, self.chart.layout.names)[0])
-
-    @property
-    def difference(self) -> chart_findings.DifferenceSummary | None:
-        """CIEDE2000 between the estimated and the reference spectra of all patches."""
-        return None if self.chart.left_out is None else chart_findings.difference_summary(
-            self.chart.left_out)
-
-
-def chart_section(result: CaptureResult) -> ChartSection | None:
-    """Patches, residuals and irradiance of the chart photo; None where no chart was used."""
+    * ``chart_patches``: of each patch its name; of each band the signal measured, its standard
+      error, the signal predicted, the residual (measured - predicted) / measured, the same of a fit
+      without this patch, and whether to mark the first; and the share of saturated pixels in the
+      worst band;
+    * ``swatches``, ``residual_figure``, ``irradiance_figure``, ``prior_figure`` (the share of the
+      prior in each band; None where none was used), ``camera_families`` with their probabilities;
+    * ``chart_rms`` of the residuals, and ``chart_limit`` up to which they are none;
+    * ``left_out``: of each patch by a calibration without it, where there is one, its colour as
+      estimated and as the reference has it, as CSS writes them, and CIEDE2000 between both; and of
+      all patches ``left_out_difference`` and ``left_out_sentence``.
+    """
     residuals, chart = rules.chart_residuals(result), result.chart
     swatches = swatch_pairs(result)
     if chart is None or residuals is None or swatches is None:
-        return None
+        return {"chart": None}
     fit, prior, left_out = result.calibration.sensitivity, chart.prior, chart.left_out
-    prior_figure, families = None, []
-    if prior is not None:
-        prior_figure = figures.prior_share_figure("prior-share", prior.share, fit.grid,
-                                                  result.bands)
-        families = list(zip(prior.families, prior.probabilities.tolist(), strict=True))
-    return ChartSection(
-        chart, _patches(chart, residuals, fit.held_out_residuals), swatches, prior_figure, families,
-        figures.chart_residual_figure("chart-residuals", residuals, fit.held_out_residuals,
-                                      result.bands,
-                                      chart_findings.chart_limits(result.stated.chart_stated)[0]),
-        chart_findings.root_mean_square(residuals),
-        figures.irradiance_figure("irradiance", chart.irradiance, chart.layout.rows),
-        [] if left_out is None else _left_out(left_out),
-        chart_findings.chart_limits(result.stated.chart_stated)[0])
+    limit = chart_findings.chart_limits(result.stated.chart_stated)[0]
+    of_prior = {"prior_figure": None} if prior is None else {
+        "prior_figure": figures.prior_share_figure("prior-share", prior.share, fit.grid,
+                                                   result.bands),
+        "camera_families": list(zip(prior.families, prior.probabilities.tolist(), strict=True))}
+    of_left_out = {"left_out": []} if left_out is None else {
+        "left_out": _left_out(left_out),
+        "left_out_difference": chart_findings.difference_summary(left_out),
+        "left_out_sentence": texts.sentence(
+            chart_findings.held_out(left_out, chart.layout.names)[0])}
+    return {"chart": chart, "chart_patches": _patches(chart, residuals, fit.held_out_residuals),
+            "swatches": swatches, **of_prior,
+            "residual_figure": figures.chart_residual_figure(
+                "chart-residuals", residuals, fit.held_out_residuals, result.bands, limit),
+            "irradiance_figure": figures.irradiance_figure("irradiance", chart.irradiance,
+                                                           chart.layout.rows),
+            "chart_rms": chart_findings.root_mean_square(residuals), "chart_limit": limit,
+            **of_left_out}
 
 
 def _left_out(patches: HeldOutPatches) -> list[tuple[str, str, float]]:
