@@ -240,8 +240,8 @@ def estimate_lamp(stated: TracedView, solve: Callable[[TracedView], ViewFit],
     covariance : dict
         Name of a material -> (K, K) relative covariance of its signal by what is estimated.
     parts : list of dict
-        Of the scene: what, size, error, whether it is certain. None where the photo shows lamp and
-        lens to be as stated.
+        Of the scene: what, size, error, whether it is certain. Empty where the photo shows lamp
+        and lens to be as stated.
     findings : tuple of Finding
         That they cannot be estimated.
     """

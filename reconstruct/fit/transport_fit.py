@@ -1,12 +1,10 @@
 """Spectra from views through their traced light transports, with covariance, and what the photos
 determine of them.
 
-Spectra from views through their traced light transports, with covariance.
-
 Bounded, regularised Gauss-Newton. The unknowns are the spline coefficients of every unknown
 material, in [0, 1], shared by all views; and of each view its light scale, where that is asked for,
 and the nuisances of ``view_terms.py``. The prior on spectra decides what the photos leave open, and
-``identifiability.py`` says what that is.
+``identifiability`` says what that is.
 """
 
 
