@@ -3,7 +3,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -16,7 +15,6 @@ from spectrabox.measure.extras import attempt, different
 from spectrabox.measure.results import capture_result, flat_result, methods, scene_result
 from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.findings import Finding
-from spectrabox.radiometry.records import calibration, scenes
 from spectrabox.session.outputs.session_results import SessionResults
 from spectrabox.session.report import figures, maps, sections, svg
 from spectrabox.session.report.cards import Card, answer_cards, assumed_of_all, tested_families
@@ -30,7 +28,11 @@ PIECES = Path(__file__).parent.parent / "pieces"    # parts that the page of a s
 FILTERS = {"percent": words.percent, "signed_percent": words.signed_percent, "number": words.number,
            "name": texts.name, "says": texts.says, "shown": texts.shown, "limit": texts.limit,
            "sentence": texts.sentence, "paragraph": texts.paragraph,
-           "fixed": words.fixed, "exposure": words.exposure, "fact": words.fact, "lab": words.lab}
+           "fixed": words.fixed, "exposure": words.exposure, "fact": words.fact, "lab": words.lab,
+           "agreement_in": rules.agreement_in, "scale_words": methods.scale_words,
+           "surface_colours": lambda names: maps.surface_colours(len(names)),
+           "residual_limit": lambda fit: maps.residual_limit(maps.residual_maps(fit)),
+           "in_colour": lambda bands: zip(bands, plots.band_colours(bands), strict=True)}
 # a number and its unit stay on one line, "0.8 %" is written one way; not in scripts and styles
 UNITS = re.compile(r"<(script|style)\b.*?</\1>|>[^<]+", re.DOTALL)
 Kind = TypeVar("Kind", bound=Markup)
@@ -174,13 +176,17 @@ def _scene_sections(result: scene_result.SceneResult, results: SessionResults,
                     links: Mapping[str, tuple[str, int]]) -> dict[str, Any]:
     """Photo against rendering, geometry, convergence, for the templates."""
     fit = result.reconstruction
-    views = [(view, _agreement_section(f"-{number}", view.reconstruction, view.calibration,
-                                       view.bands),
+    views = [(view, maps.pair_figure(f"pair-{number}", view.reconstruction,
+                                     view.calibration.sensitivity, view.bands),
+              maps.residual_figure(f"residuals-{number}", view.reconstruction, view.bands),
               light_figure(f"light-{number}", view.calibration.light,
                            view.calibration.light_posterior))
              for number, view in enumerate(result.views, start=2)]
-    return {"agreement": _agreement_section("", fit, result.calibration, result.bands),
+    return {"pair_figure": maps.pair_figure("pair", fit, result.calibration.sensitivity,
+                                            result.bands),
+            "residual_maps": maps.residual_figure("residuals", fit, result.bands),
             "surface_map": maps.surface_figure("surfaces", fit), "views": views,
+            "surface_off": rules.SURFACE_OFF,
             "linked_photo": maps.linked_photo("photo", fit, result.calibration, links),
             "geometry": maps.geometry_section(result.geometry, results.previews),
             "loss": figures.loss_figure("loss", fit.loss_history)}
@@ -213,7 +219,6 @@ def _content(results: SessionResults, cards: list[Card]) -> dict[str, Any]:
         "surfaces_word": f"{result.surface_word.capitalize()}s",
         "pictures": pictures, "picture": result.picture,
         "failed": [*missing, *(() if failed_chart is None else (failed_chart,))],
-        "bands": list(zip(result.bands, plots.band_colours(result.bands), strict=True)),
         "cards": cards, "assumed_of_all": assumed_of_all(result.surfaces),
         "tested_families": tested_families(result.surfaces),
         "level": next((surface.summary.level for surface in result.surfaces
@@ -223,7 +228,6 @@ def _content(results: SessionResults, cards: list[Card]) -> dict[str, Any]:
         **of_chart, "held_out_rms": sections.held_out_rms(result),
         "sensitivity_figure": sensitivity_figure("sensitivity", result.calibration.sensitivity,
                                                  result.bands, results.sensitivity_truth),
-        "scale": None if result.light_scale is None else methods.scale_words(result.light_scale),
         "light_figure": light_figure("light", light, result.calibration.light_posterior),
         }
 
@@ -240,36 +244,6 @@ def _files(result: capture_result.CaptureResult) -> list[tuple[str, str]]:
     return files
 
 
-@dataclass(frozen=True, eq=False)
-class AgreementSection:
-    """Photo against rendering of one photo."""
-
-    said: str                       # where they disagree and by how much
-    pair: Markup
-    residuals: Markup
-    limit: float                    # of the scale of residuals
-    surfaces: scenes.SurfaceAgreement
-    colours: list[str]              # of these in the map
-    bands: list[tuple[str, str]]    # names and colours
-    scale: str                      # of the light
-    off: float = rules.SURFACE_OFF
-
-
-def _agreement_section(name: str, fit: scenes.Reconstruction, calibration: calibration.Calibration,
-                       bands: tuple[str, ...]) -> AgreementSection:
-    """Photo against rendering of one photo; ``name`` ends the names of its figures."""
-    return AgreementSection(texts.sentence(rules.agreement_in(fit.agreement, bands)),
-                            maps.pair_figure(f"pair{name}", fit, calibration.sensitivity, bands),
-                            maps.residual_figure(f"residuals{name}", fit, bands),
-                            maps.residual_limit(maps.residual_maps(fit)),
-                            fit.agreement, maps.surface_colours(len(fit.agreement.names)),
-                            list(zip(bands, plots.band_colours(bands), strict=True)),
-                            methods.scale_words(fit.light_scale))
-
-
-SECTIONS = (AgreementSection, Card)
-
-
 def _of_kind(content: Any, kind: type[Kind]) -> Iterator[Kind]:
     """Every drawing of a kind among the values of a page."""
     if isinstance(content, kind):
@@ -280,5 +254,5 @@ def _of_kind(content: Any, kind: type[Kind]) -> Iterator[Kind]:
     elif isinstance(content, list | tuple):
         for value in content:
             yield from _of_kind(value, kind)
-    elif isinstance(content, SECTIONS):
+    elif isinstance(content, Card):
         yield from _of_kind(vars(content), kind)
