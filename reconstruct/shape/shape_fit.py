@@ -60,7 +60,6 @@ class ShapeReconstruction:
 
     vertices: np.ndarray        # (V, 3)
     faces: np.ndarray           # (F, 3) anticlockwise seen from outside
-    coefficients: np.ndarray    # (M, N)
     spectra: np.ndarray         # (M, P) reflectance on the calibration's grid
     # mean over the views of a step of the squared error, in squares of the brightest pixel
     loss_history: np.ndarray
@@ -151,7 +150,7 @@ def reconstruct_shape(views: Sequence[PhotoView], shape_id: str, vertices: np.nd
                              stages=repr(stages[:number + 1]), vertices=vertices,
                              faces=faces, coefficients=coefficients, losses=losses)
     outcome = Outcome.CONVERGED if stalled(history, len(history) // 2) else Outcome.STEP_LIMIT
-    return ShapeReconstruction(vertices, faces, coefficients,
+    return ShapeReconstruction(vertices, faces,
                                coefficients @ views[0].basis(settings.coefficients).T,
                                np.array(losses), outcome)
 
