@@ -42,7 +42,7 @@ OF_A_REPORT = {"pictures": {
         "spectrabox.measure.advice.advise.advice_on_capture": "advice",
         "spectrabox.measure.surfaces.colour_comparison.metamer_pair":
             "comparison of spectra that look alike",
-        "spectrabox.session.report.sections.swatch_pairs": "section on the chart"},
+        "spectrabox.session.report.page.swatch_pairs": "section on the chart"},
     "report": {"spectrabox.session.report.page.render_report": "full report"}}
 
 

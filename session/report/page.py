@@ -10,17 +10,25 @@ from typing import Any, TypeVar
 import jinja2
 from markupsafe import Markup
 
+from spectrabox.calibrate import chart_findings
 from spectrabox.measure import extras, plots, rules, texts, words
 from spectrabox.measure.extras import attempt, different
 from spectrabox.measure.results import capture_result, flat_result, methods, scene_result
+from spectrabox.radiometry.appearance import reflectance_to_srgb
 from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.findings import Finding
+from spectrabox.radiometry.records.calibration import HeldOutPatches
 from spectrabox.session.outputs.session_results import SessionResults
-from spectrabox.session.report import figures, maps, sections, svg
+from spectrabox.session.report import figures, maps, svg
 from spectrabox.session.report.cards import Card, answer_cards, assumed_of_all, tested_families
 from spectrabox.session.report.numbers import flat_numbers, report_numbers, scene_numbers
 from spectrabox.session.report.pictures import json_for_script, picture_data_uri, picture_digest
-from spectrabox.session.report.spectra import light_figure, sensitivity_figure
+from spectrabox.session.report.spectra import (
+    css_colour,
+    light_figure,
+    sensitivity_figure,
+    swatch_pairs,
+)
 
 PAGE_NAME, NUMBERS_NAME = "report.html", "report.json"
 TEMPLATES = Path(__file__).parent / "templates"
@@ -186,10 +194,47 @@ def _scene_sections(result: scene_result.SceneResult, results: SessionResults,
                                             result.bands),
             "residual_maps": maps.residual_figure("residuals", fit, result.bands),
             "surface_map": maps.surface_figure("surfaces", fit), "views": views,
-            "surface_off": rules.SURFACE_OFF,
             "linked_photo": maps.linked_photo("photo", fit, result.calibration, links),
             "geometry": maps.geometry_section(result.geometry, results.previews),
             "loss": figures.loss_figure("loss", fit.loss_history)}
+
+
+def _chart_section(result: capture_result.CaptureResult) -> dict[str, Any]:
+    """The chart and the calibration by it, for the templates; no ``chart`` where none was used.
+
+    ``left_out`` is of each patch by a calibration without it, where there is one, its colour as
+    estimated and as the reference has it, as CSS writes them, and CIEDE2000 between both.
+    """
+    residuals, chart = rules.chart_residuals(result), result.chart
+    swatches = swatch_pairs(result)
+    if chart is None or residuals is None or swatches is None:
+        return {"chart": None}
+    fit, prior, left_out = result.calibration.sensitivity, chart.prior, chart.left_out
+    limit = chart_findings.chart_limits(result.stated.chart_stated)[0]
+    of_prior = {"prior_figure": None} if prior is None else {
+        "prior_figure": figures.prior_share_figure("prior-share", prior.share, fit.grid,
+                                                   result.bands),
+        "camera_families": list(zip(prior.families, prior.probabilities.tolist(), strict=True))}
+    of_left_out = {"left_out": []} if left_out is None else {
+        "left_out": _left_out(left_out),
+        "left_out_difference": chart_findings.difference_summary(left_out),
+        "left_out_sentence": texts.sentence(
+            chart_findings.held_out(left_out, chart.layout.names)[0])}
+    return {"chart": chart, "chart_residuals": residuals, "swatches": swatches, **of_prior,
+            "residual_figure": figures.chart_residual_figure(
+                "chart-residuals", residuals, fit.held_out_residuals, result.bands, limit),
+            "irradiance_figure": figures.irradiance_figure("irradiance", chart.irradiance,
+                                                           chart.layout.rows),
+            "chart_rms": chart_findings.root_mean_square(residuals), "chart_limit": limit,
+            **of_left_out}
+
+
+def _left_out(patches: HeldOutPatches) -> list[tuple[str, str, float]]:
+    estimates, references = (
+        [css_colour(reflectance_to_srgb(patches.grid.nm, one)) for one in spectra]
+        for spectra in (patches.mean, patches.reference))
+    return list(zip(estimates, references, chart_findings.patch_differences(patches).tolist(),
+                    strict=True))
 
 
 def _content(results: SessionResults, cards: list[Card]) -> dict[str, Any]:
@@ -210,9 +255,9 @@ def _content(results: SessionResults, cards: list[Card]) -> dict[str, Any]:
             pictures[title] = picture
         if failed is not None:
             missing.append(failed)
-    of_chart, failed_chart = attempt("section on the chart",
-                                     lambda: sections.chart_section(result), {"chart": None})
-    light = result.calibration.light
+    of_chart, failed_chart = attempt("section on the chart", lambda: _chart_section(result),
+                                     {"chart": None})
+    light, fit = result.calibration.light, result.calibration.sensitivity
     return {
         "results": results, "found": result, "verdict": verdict,
         "scene": isinstance(result, scene_result.SceneResult),
@@ -225,9 +270,10 @@ def _content(results: SessionResults, cards: list[Card]) -> dict[str, Any]:
                        if surface.summary is not None), None),
         "truths": any(surface.scores is not None for surface in result.surfaces),
         "files": _files(result),
-        **of_chart, "held_out_rms": sections.held_out_rms(result),
-        "sensitivity_figure": sensitivity_figure("sensitivity", result.calibration.sensitivity,
-                                                 result.bands, results.sensitivity_truth),
+        **of_chart, "surface_off": rules.SURFACE_OFF,
+        "held_out_rms": chart_findings.root_mean_square(fit.held_out_residuals),
+        "sensitivity_figure": sensitivity_figure("sensitivity", fit, result.bands,
+                                                 results.sensitivity_truth),
         "light_figure": light_figure("light", light, result.calibration.light_posterior),
         }
 
