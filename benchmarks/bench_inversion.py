@@ -143,9 +143,9 @@ def by_gradient(view: PhotoView, steps: int, seed: int = 3) -> tuple[np.ndarray,
     # no stop by itself; the step size falls from first to last
     gradient.WINDOW, gradient.TAIL = steps + 1, 1.0
     start = time.perf_counter()
-    fit = gradient.fit_by_gradient(view, InversionSettings(COEFFICIENTS, steps, GRADIENT_SPP, seed),
-                                   lambda done, what: None)
-    return fit.coefficients, time.perf_counter() - start
+    tail, _, _, _ = gradient.fit_by_gradient(
+        view, InversionSettings(COEFFICIENTS, steps, GRADIENT_SPP, seed), lambda done, what: None)
+    return tail.mean(axis=0), time.perf_counter() - start
 
 
 def by_wavelengths(view: PhotoView, steps: int) -> tuple[np.ndarray, float]:
@@ -153,8 +153,8 @@ def by_wavelengths(view: PhotoView, steps: int) -> tuple[np.ndarray, float]:
     starts in the time.
     """
     start = time.perf_counter()
-    fit = descend(monochrome_job(view, InversionSettings(COEFFICIENTS, steps, 1, 3)))
-    return fit.coefficients, time.perf_counter() - start
+    coefficients = descend(monochrome_job(view, InversionSettings(COEFFICIENTS, steps, 1, 3)))
+    return coefficients, time.perf_counter() - start
 
 
 def errors(judged: Judged, coefficients: np.ndarray) -> dict[str, Any]:

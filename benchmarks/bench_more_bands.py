@@ -44,7 +44,7 @@ from spectrabox.radiometry.records.calibration import Filter
 from spectrabox.radiometry.records.spectra import Quantity
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
 from spectrabox.radiometry.spectra.spectrum_files import read_curves, table_text
-from spectrabox.session.commands.requests import AdviseRequest
+from spectrabox.session.commands.requests import MeasuredSignal
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.pipeline import run_stages
 from spectrabox.session.signals.advise_answer import advise_answer
@@ -132,8 +132,8 @@ def forecasts(folder: Path, scene: Scene, filters: dict[str, np.ndarray]) -> dic
     """Width that a finished session of one photo forecasts of filters, pairs and a second lamp."""
     write_filters(folder / "filters.csv", stated_filters(scene, filters))
     write_filters(folder / "lamp.csv", {"lamp": scene.lamps[1] / scene.lamps[1].max()})
-    facts, _ = advise_answer(AdviseRequest(folder=folder, filters=str(folder / "filters.csv"),
-                                           lamps=str(folder / "lamp.csv")))
+    facts, _ = advise_answer(MeasuredSignal(), None, None, str(folder / "lamp.csv"),
+                             str(folder / "filters.csv"), folder, False)
     expected = {_in_order(one["subject"].split(" and ")): one["width_after"]
                 for one in facts["overall"]}
     expected["two lamps"] = expected.pop(str(folder / "lamp.csv"), np.nan)

@@ -161,7 +161,7 @@ def range_of_beam(lamp: np.ndarray, aim: np.ndarray, share: float, cutoff: float
     mi = box_render.renderer()
     scene = mi.load_string(demo_scenes.box_scene(SIZE))
     row, column = (each.ravel() for each in np.indices((SIZE[0] // 4, SIZE[1] // 4)))
-    places = hits_of(scene, (SIZE[1] // 4, SIZE[0] // 4), row, column).point - lamp
+    places = hits_of(scene, (SIZE[1] // 4, SIZE[0] // 4), row, column)[0] - lamp
     away = places[np.isfinite(places).all(axis=1)]
     cosine = away @ (aim - lamp) / np.linalg.norm(away, axis=1) / np.linalg.norm(aim - lamp)
     angle = np.degrees(np.arccos(cosine.clip(-1, 1)))

@@ -89,12 +89,12 @@ def timed(xml: str, width: int) -> tuple[float, float, float, str]:
     picture, _ = render(load_scene(view.xml(paints, integrator="path")), 64, 1)
     view = replace(view, photo=_photo(picture))
     settings = InversionSettings(errors_from_scene=False, spectrum_prior="smooth")
-    foreseen = inverse_rendering.forecast([view], settings)
+    _, foreseen, _ = inverse_rendering.forecast([view], settings)
     begun = time.process_time()
     found = inverse_rendering.reconstruct(view, settings, lambda done, what: None)
     seconds = time.process_time() - begun
     true = _signals(paints, found.materials, view)
-    return (foreseen.seconds, seconds, float(np.sqrt(np.mean((found.signal - true) ** 2))),
+    return (foreseen, seconds, float(np.sqrt(np.mean((found.signal - true) ** 2))),
             found.engine)
 
 

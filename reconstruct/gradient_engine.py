@@ -12,7 +12,7 @@ whose second half is averaged.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -36,17 +36,6 @@ STALLED = 1.0            # standard errors by which it must have fallen to go on
 FINAL_SPP, FINAL_PASSES = 256, 4     # of the rendering that the photo is compared with
 
 
-@dataclass(frozen=True)
-class GradientFit:
-    """Coefficients of the unknown materials (U, N), their scatter at the end, and the way there."""
-
-    coefficients: np.ndarray
-    tail: np.ndarray         # (I, U, N) the averaged steps
-    scale: float
-    loss_history: np.ndarray
-    outcome: Outcome
-
-
 def invert_by_gradient(view: PhotoView, settings: InversionSettings,
                        progress: Progress) -> ViewSolution:
     """Coefficients by gradient descent through Mitsuba's ``prb`` integrator and spectral film.
@@ -63,19 +52,18 @@ def invert_by_gradient(view: PhotoView, settings: InversionSettings,
     ViewSolution
         The averaged last steps, whose scatter is taken for the error of the signals.
     """
-    fit = fit_by_gradient(view, settings, progress)
-    rendered, _ = render(view.scene(fit.coefficients), FINAL_SPP, settings.seed + 7919,
-                         FINAL_PASSES)
+    ends, scale, losses, outcome = fit_by_gradient(view, settings, progress)
+    coefficients = ends.mean(axis=0)
+    rendered, _ = render(view.scene(coefficients), FINAL_SPP, settings.seed + 7919, FINAL_PASSES)
     operator = relative_operator(view.response, view.basis(settings.coefficients))
-    tail = fit.tail @ operator.T
+    tail = ends @ operator.T
     covariance = np.array([np.cov(tail[:, index], rowvar=False) for index in range(tail.shape[1])])
-    findings = () if fit.outcome is Outcome.STEP_LIMIT else (
+    findings = () if outcome is Outcome.STEP_LIMIT else (
         Finding("fit.descent-ended", Severity.INFO, values={
-            "steps": len(fit.loss_history), "limit": settings.steps}),)
-    return ViewSolution(fit.coefficients, fit.coefficients @ operator.T, covariance,
-                        rendered[None], fit.loss_history,
-                        "gradient descent (Mitsuba prb, specfilm)", settings.spp, fit.outcome,
-                        findings, (fit.scale, None))
+            "steps": len(losses), "limit": settings.steps}),)
+    return ViewSolution(coefficients, coefficients @ operator.T, covariance, rendered[None], losses,
+                        "gradient descent (Mitsuba prb, specfilm)", settings.spp, outcome, findings,
+                        (scale, None))
 
 
 def seconds_of_descent(view: PhotoView, settings: InversionSettings) -> float:
@@ -99,8 +87,8 @@ def seconds_of_descent(view: PhotoView, settings: InversionSettings) -> float:
     return float(compiled + step * (settings.steps + FINAL_SPP / settings.spp / 3))
 
 
-def fit_by_gradient(view: PhotoView, settings: InversionSettings,
-                    progress: Progress) -> GradientFit:
+def fit_by_gradient(view: PhotoView, settings: InversionSettings, progress: Progress
+                    ) -> tuple[np.ndarray, float, np.ndarray, Outcome]:
     """Spectra whose rendering matches the photo.
 
     Parameters
@@ -110,6 +98,15 @@ def fit_by_gradient(view: PhotoView, settings: InversionSettings,
     settings : InversionSettings
         At most ``steps`` steps. Step ``n`` renders with the random numbers ``2 (100003 seed + n)``
         and the next.
+
+    Returns
+    -------
+    tail : (I, U, N) array
+        Coefficients of the unknown materials after each of the last steps; their mean is the fit.
+    scale : float
+    losses : (S,) array
+        Of all steps.
+    outcome : Outcome
     """
     import drjit as dr
     import mitsuba as mi
@@ -169,8 +166,8 @@ def fit_by_gradient(view: PhotoView, settings: InversionSettings,
         if step + 1 == last:
             break
     end = np.array(coefficients)
-    return GradientFit(end.mean(axis=0), end, float(np.mean(scales[-len(end):])),
-                       np.array(losses), Outcome.CONVERGED if done else Outcome.STEP_LIMIT)
+    return (end, float(np.mean(scales[-len(end):])), np.array(losses),
+            Outcome.CONVERGED if done else Outcome.STEP_LIMIT)
 
 
 def reflectance_key(parameters: Any, bsdf: str, scene: scene_file.SceneFile) -> str:

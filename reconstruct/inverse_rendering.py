@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -88,22 +88,24 @@ def settings_for(views: Sequence[photo_views.PhotoView],
     return settings, chosen
 
 
-@dataclass(frozen=True)
-class Forecast:
-    """What an inversion will take, by what a first, short piece of it took."""
-
-    engine: str                     # that the materials need
-    seconds: float                  # of processor on this machine; of a descent at most
-    tracing_bytes: int | None       # besides the program; None where no light is traced
-
-
-def forecast(views: Sequence[photo_views.PhotoView], settings: InversionSettings) -> Forecast:
-    """What ``reconstruct_views`` will take; all that it uses is built, and one step of it is done.
+def forecast(views: Sequence[photo_views.PhotoView],
+             settings: InversionSettings) -> tuple[str, float, int | None]:
+    """What ``reconstruct_views`` will take, by what a first, short piece of it took: all that it
+    uses is built, and one step of it is done.
 
     Parameters
     ----------
     views : V of PhotoView
     settings : InversionSettings
+
+    Returns
+    -------
+    engine : str
+        That the materials need.
+    seconds : float
+        Of processor on this machine; of a descent at most.
+    tracing_bytes : int or None
+        Besides the program; None where no light is traced.
 
     Raises
     ------
@@ -112,9 +114,9 @@ def forecast(views: Sequence[photo_views.PhotoView], settings: InversionSettings
     """
     settings, _ = settings_for(views, settings)
     if settings.engine in SINGLE_VIEW:
-        return Forecast(settings.engine, seconds_of_descent(views[0], settings), None)
+        return settings.engine, seconds_of_descent(views[0], settings), None
     tracing_bytes, seconds = require_lit(views, settings)
-    return Forecast(settings.engine, seconds, tracing_bytes)
+    return settings.engine, seconds, tracing_bytes
 
 
 def reconstruct_views(views: Sequence[photo_views.PhotoView], settings: InversionSettings,

@@ -8,8 +8,6 @@ both are taken along with their errors, and edges of several directions tell the
 """
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
@@ -31,48 +29,42 @@ EXPLAINED = 0.5         # share of the deviations of the edges: more than the ex
 MIN_DEPARTURE = 0.15    # of the exponent from 1: less is no tone curve
 
 
-@dataclass(frozen=True)
-class Edge:
-    """Two facets of one paint where they meet."""
-
-    names: tuple[str, str]      # of their surfaces
-    photo: float                # log ratio of their signals, mean over the bands
-    rendered: float
-    by_lamp: np.ndarray         # (3,) derivative of that ratio by the lamp's position
-    error: float                # standard error of photo - rendered but for the lamp's position
-
-
-@dataclass(frozen=True)
-class Exponent:
-    """The power to which a photo raises ratios of light; 1 of a linear one."""
-
-    value: float
-    error: float        # standard error; wider where the edges disagree by more than theirs
-    departure: float    # from 1, in standard errors by what is known of the edges alone
-    explained: float    # share of the squared deviations of the edges that it explains
-
-
-def exponent(edges: list[Edge], lamp_error: float) -> Exponent:
-    """Exponent to which a photo raises ratios of light, by generalised least squares.
+def exponent(photo: np.ndarray, rendered: np.ndarray, by_lamp: np.ndarray, error: np.ndarray,
+             lamp_error: float) -> tuple[float, float, float, float]:
+    """Exponent to which a photo raises ratios of light, 1 of a linear one, by generalised least
+    squares.
 
     Parameters
     ----------
-    edges : list of Edge
-        One at least.
+    photo, rendered : (E,) arrays
+        Log ratio of the signals of two facets of one paint at each edge where they meet, mean over
+        the bands; one edge at least.
+    by_lamp : (E, 3) array
+        Derivative of that ratio by the lamp's position.
+    error : (E,) array
+        Standard error of photo - rendered but for the lamp's position.
     lamp_error : float
         Standard deviation of the lamp's position along each axis, in the scene's unit.
+
+    Returns
+    -------
+    value, standard_error : float
+        The error is wider where the edges disagree by more than theirs.
+    departure : float
+        From 1, in standard errors by what is known of the edges alone.
+    explained : float
+        Share of the squared deviations of the edges that the exponent explains.
     """
-    rendered = np.array([edge.rendered for edge in edges])
-    off = np.array([edge.photo for edge in edges]) - rendered
-    by_lamp = lamp_error * np.array([edge.by_lamp for edge in edges])
-    covariance = by_lamp @ by_lamp.T + np.diag([edge.error**2 for edge in edges])
+    off = photo - rendered
+    moved = lamp_error * by_lamp
+    covariance = moved @ moved.T + np.diag(error**2)
     weighted = np.linalg.solve(covariance, rendered)
     information = float(rendered @ weighted)
     departure = float(off @ weighted) / information
     explained, whole = departure**2 * information, float(off @ np.linalg.solve(covariance, off))
-    misfit = max(whole - explained, 0.0) / max(len(edges) - 1, 1)
-    return Exponent(1 + departure, float(np.sqrt(max(misfit, 1.0) / information)),
-                    float(np.sqrt(explained)), explained / max(whole, 1e-12))
+    misfit = max(whole - explained, 0.0) / max(len(photo) - 1, 1)
+    return (1 + departure, float(np.sqrt(max(misfit, 1.0) / information)),
+            float(np.sqrt(explained)), explained / max(whole, 1e-12))
 
 
 def linearity(view: PhotoView, rendered: np.ndarray) -> Finding | None:
@@ -85,49 +77,60 @@ def linearity(view: PhotoView, rendered: np.ndarray) -> Finding | None:
     rendered : (H, W, K) array
         Of the same scene, with the spectra of the fit.
     """
-    scene = view.scene()
-    if len(scene.emitters()) != 1:
+    scene, used = view.scene(), np.nonzero(view.used)
+    if len(scene.emitters()) != 1 or not used[0].size:
         return None
-    facets, extent = _facets(view, scene)
-    edges = [edge for edge in _edges(view, rendered, facets) if edge.rendered != 0]
-    if not edges:
+    point, normal, to_lamp, lit = _geometry(view, scene, *used)
+    facets = _facets(view.surface[used], normal, lit)
+    surfaces = [int(view.surface[used][facet[0]]) for facet in facets]
+    normals = [normal[facet].mean(axis=0) for facet in facets]
+    names = list(view.scene_file.surfaces)
+    signals = [image[used] for image in (view.measured, rendered)]
+    found, ratios, by_lamp, errors = [], [], [], []
+    for one, other in combinations(range(len(facets)), 2):
+        if (view.surface_materials[surfaces[one]] != view.surface_materials[surfaces[other]]
+                or normals[one] @ normals[other] > MIN_ANGLE_COSINE):
+            continue
+        ends = _beside_edge(point, facets[one], facets[other])
+        if ends is None:
+            continue
+        way = np.mean([to_lamp[end].mean(axis=0) for end in ends], axis=0)
+        along = [normals[facet] @ way for facet in (one, other)]
+        if min(along) <= 0:
+            continue
+        logs = [np.log(np.maximum([signal[end] for end in ends], 1e-12)) for signal in signals]
+        ratio = [float(np.median(each[0] - each[1], axis=0).mean()) for each in logs]
+        if ratio[1] == 0:
+            continue
+        distance = float(np.linalg.norm(way))
+        tangents = [np.sqrt(max((distance / each) ** 2 - 1, 0.0)) for each in along]
+        found.append([names[surfaces[facet]] for facet in (one, other)])
+        ratios.append(ratio)
+        by_lamp.append(normals[one] / along[0] - normals[other] / along[1])
+        errors.append(float(np.hypot(EDGE_ERROR, TILT_ERROR * np.hypot(*tangents))))
+    if not found:
         return None
-    found = exponent(edges, LAMP_ERROR * extent)
-    if found.error > 1 / DOUBTED:
+    photo, model = np.array(ratios).T
+    extent = float(np.linalg.norm(np.ptp(point, axis=0)))
+    value, error, departure, explained = exponent(photo, model, np.array(by_lamp),
+                                                  np.array(errors), LAMP_ERROR * extent)
+    if error > 1 / DOUBTED:
         return None             # which tells nothing
-    bent = (found.departure > DOUBTED and found.explained > EXPLAINED
-            and abs(found.value - 1) > MIN_DEPARTURE)
+    bent = (departure > DOUBTED and explained > EXPLAINED and abs(value - 1) > MIN_DEPARTURE)
     return Finding("scene.not-linear" if bent else "scene.linear",
                    Severity.FAIL if bent else Severity.INFO, values={
-        "value": found.value, "error": found.error, "edges": [
-            {"surfaces": list(edge.names), "photo": float(np.exp(edge.photo)),
-             "rendering": float(np.exp(edge.rendered))} for edge in edges]})
+        "value": value, "error": error, "edges": [
+            {"surfaces": pair, "photo": float(np.exp(seen)), "rendering": float(np.exp(predicted))}
+            for pair, (seen, predicted) in zip(found, ratios, strict=True)]})
 
 
-@dataclass(frozen=True, eq=False)
-class _Facet:
-    """Pixels of a plane part of a surface that the lamp reaches."""
-
-    name: str
-    material: str
-    normal: np.ndarray          # (3,) towards the camera
-    row: np.ndarray             # (n,)
-    column: np.ndarray          # (n,)
-    point: np.ndarray           # (n, 3)
-    to_lamp: np.ndarray         # (n, 3)
-
-    @property
-    def size(self) -> float:
-        return float(np.linalg.norm(np.ptp(self.point, axis=0)))
-
-
-def _facets(view: PhotoView, scene: Any) -> tuple[list[_Facet], float]:
-    """The facets of a view, and the extent of all its surfaces in the scene's unit."""
+def _geometry(view: PhotoView, scene: Any, row: np.ndarray, column: np.ndarray
+              ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Of n pixels the point (n, 3), the normal towards the camera (n, 3), the way to the lamp
+    (n, 3), and whether the lamp reaches it (n,).
+    """
     import mitsuba as mi
 
-    row, column = np.nonzero(view.used)
-    if not row.size:
-        return [], 0.0
     position = mi.Point2f((column + 0.5) / view.size[0], (row + 0.5) / view.size[1])
     ray, _ = scene.sensors()[0].sample_ray(0.0, 0.5, position, mi.Point2f(0.5))
     hit = scene.ray_intersect(mi.Ray3f(ray))
@@ -137,44 +140,25 @@ def _facets(view: PhotoView, scene: Any) -> tuple[list[_Facet], float]:
     normal = normal * np.where(np.sum(normal * away, axis=1) < 0, 1, -1)[:, None]
     lit = (np.array(radiance[0]) > 0) & (np.sum(normal * towards, axis=1) > 0) & np.isfinite(
         to_lamp).all(axis=1)
-    surface, names = view.surface[row, column], list(view.scene_file.surfaces)
+    return point, normal, to_lamp, lit
+
+
+def _facets(surface: np.ndarray, normal: np.ndarray, lit: np.ndarray) -> list[np.ndarray]:
+    """Numbers of the pixels of each plane part of a surface that the lamp reaches."""
     key = np.column_stack([surface, np.rint(normal / NORMAL_STEP).astype(int)])[lit]
     _, member, count = np.unique(key, axis=0, return_inverse=True, return_counts=True)
-    facets = []
-    for number in np.flatnonzero(count >= MIN_PAIRS):
-        own = np.flatnonzero(lit)[member.ravel() == number]
-        index = int(surface[own[0]])
-        facets.append(_Facet(names[index], view.surface_materials[index],
-                             normal[own].mean(axis=0), row[own], column[own], point[own],
-                             to_lamp[own]))
-    return facets, float(np.linalg.norm(np.ptp(point, axis=0)))
+    return [np.flatnonzero(lit)[member.ravel() == number]
+            for number in np.flatnonzero(count >= MIN_PAIRS)]
 
 
-def _edges(view: PhotoView, rendered: np.ndarray, facets: list[_Facet]) -> Iterator[Edge]:
-    """Where two facets of one paint meet."""
+def _beside_edge(point: np.ndarray, one: np.ndarray,
+                 other: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """Numbers of the pixels of two facets on both sides of their edge; None where none meets."""
     from scipy.spatial import cKDTree
 
-    for one, other in combinations(facets, 2):
-        if one.material != other.material or one.normal @ other.normal > MIN_ANGLE_COSINE:
-            continue
-        distance, nearest = cKDTree(other.point).query(one.point)
-        near = distance < BESIDE * distance.min()
-        if (distance.min() > REACH * min(one.size, other.size)
-                or np.count_nonzero(near) < MIN_PAIRS):
-            continue
-        nearest = nearest[near]
-        places = ((one.row[near], one.column[near]), (other.row[nearest], other.column[nearest]))
-        photo, model = (np.log(np.maximum([image[place] for place in places], 1e-12))
-                        for image in (view.measured, rendered))
-        seen, predicted = (float(np.median(logs[0] - logs[1], axis=0).mean())
-                           for logs in (photo, model))
-        to_lamp = np.mean([one.to_lamp[near].mean(axis=0), other.to_lamp[nearest].mean(axis=0)],
-                          axis=0)
-        along = [facet.normal @ to_lamp for facet in (one, other)]
-        if min(along) <= 0:
-            continue
-        distance = float(np.linalg.norm(to_lamp))
-        tangents = [np.sqrt(max((distance / each) ** 2 - 1, 0.0)) for each in along]
-        yield Edge((one.name, other.name), seen, predicted,
-                   one.normal / along[0] - other.normal / along[1],
-                   float(np.hypot(EDGE_ERROR, TILT_ERROR * np.hypot(*tangents))))
+    distance, nearest = cKDTree(point[other]).query(point[one])
+    near = distance < BESIDE * distance.min()
+    size = min(float(np.linalg.norm(np.ptp(point[facet], axis=0))) for facet in (one, other))
+    if distance.min() > REACH * size or np.count_nonzero(near) < MIN_PAIRS:
+        return None
+    return one[near], other[nearest[near]]

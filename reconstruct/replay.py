@@ -40,16 +40,9 @@ class Truth:
     ambient: tuple[float, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class Stage:
-    """Traced views with the errors that the session's photos showed, ready to be replayed."""
-
-    views: tuple[TracedView, ...]
-    settings: InversionSettings
-
-
-def set_stage(views: Sequence[PhotoView], settings: InversionSettings, progress: Progress) -> Stage:
-    """Trace the views, and solve their own photos once for the errors that the scene shows.
+def replayable(views: Sequence[PhotoView], settings: InversionSettings,
+               progress: Progress) -> tuple[TracedView, ...]:
+    """The views traced, with the errors that their own photos, solved once, show of the scene.
 
     Parameters
     ----------
@@ -67,22 +60,26 @@ def set_stage(views: Sequence[PhotoView], settings: InversionSettings, progress:
     shown, _, _ = transport_engine.solve_traced(traced, settings,
                                lambda view, fit: images[id(view.traced)](fit.signals))
     # what known surfaces said of the light is the photos' own: a replay's say it anew
-    return Stage(tuple(replace(view, view=given.view, known_light=None)
-                       for view, given in zip(shown, traced, strict=True)), settings)
+    return tuple(replace(view, view=given.view, known_light=None)
+                 for view, given in zip(shown, traced, strict=True))
 
 
-def replay(stage: Stage, truth: Truth, rng: np.random.Generator) -> JointReconstruction:
+def replay(views: Sequence[TracedView], settings: InversionSettings, truth: Truth,
+           rng: np.random.Generator) -> JointReconstruction:
     """The reconstruction from photos of the truth, as noisy as the session's own.
 
     Parameters
     ----------
-    stage : Stage
+    views : V of TracedView
+        As of ``replayable``.
+    settings : InversionSettings
+        By which these were traced.
     truth : Truth
     rng : numpy.random.Generator
         Of the noise and the errors of surfaces.
     """
-    given, rendered, settings = [], {}, stage.settings
-    for number, traced in enumerate(stage.views):
+    given, rendered = [], {}
+    for number, traced in enumerate(views):
         # The trace is off by its noise from what is photographed; renderings, whose own noise is
         # estimated from the scene's scatter, are not.
         deviations = traced.traced.deviations

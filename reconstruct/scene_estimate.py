@@ -18,7 +18,7 @@ where it is not 1 nothing is estimated.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -66,17 +66,6 @@ MIN_TURN_PX = 0.1           # a pose that moves edges by less is as stated
 EDGES_EXPLAINED = 0.6
 
 
-@dataclass(frozen=True, eq=False)
-class SceneEstimate:
-    """Part of a scene as its photo shows it."""
-
-    view: PhotoView             # with the scene, beam and photo that are estimated
-    # name of a material -> (K, K) relative covariance of its signal by what is estimated
-    covariance: dict[str, np.ndarray]
-    parts: list[dict[str, Any]]     # of the scene: what, size, error, whether it is certain
-    findings: tuple[Finding, ...] = ()  # that it cannot be estimated
-
-
 def finding(parts: list[dict[str, Any]]) -> Finding:
     """That parts of the scene were estimated."""
     return Finding("scene.estimated", Severity.NOTE, values={"parts": parts})
@@ -90,17 +79,8 @@ def camera_part(turn: np.ndarray, error: float) -> dict[str, Any]:
 
 # ---- the camera's pose ---------------------------------------------------------------------------
 
-@dataclass(frozen=True, eq=False)
-class PoseStep:
-    """A camera placed by the edges of its photo."""
-
-    to_world: np.ndarray        # (4, 4) as of Mitsuba's sensors
-    turn: np.ndarray            # (3,) rotation vector, radians
-    turn_error: float           # standard error along it, radians
-    explained: float            # share of the edges' squared differences that it explains
-
-
-def estimate_pose(view: PhotoView, rendered: np.ndarray) -> PoseStep | None:
+def estimate_pose(view: PhotoView, rendered: np.ndarray
+                  ) -> tuple[np.ndarray, np.ndarray, float, float] | None:
     """Turn and shift of the camera by which the rendering's edges meet the photo's; None where
     they do as they are.
 
@@ -113,6 +93,17 @@ def estimate_pose(view: PhotoView, rendered: np.ndarray) -> PoseStep | None:
     view : PhotoView
     rendered : (H, W, K) array
         In the photo's unit.
+
+    Returns
+    -------
+    to_world : (4, 4) array
+        As of Mitsuba's sensors.
+    turn : (3,) array
+        Rotation vector, radians.
+    turn_error : float
+        Standard error along it, radians.
+    explained : float
+        Share of the edges' squared differences that the move explains.
     """
     from scipy.ndimage import gaussian_filter
     from scipy.special import chdtri
@@ -153,8 +144,8 @@ def estimate_pose(view: PhotoView, rendered: np.ndarray) -> PoseStep | None:
     left = np.sum(weight * (wanted - rows @ pose) ** 2) / np.sum(weight * wanted**2)
     size = np.linalg.norm(pose[:3])
     along = pose[:3] / max(size, 1e-12)
-    return PoseStep(camera.placed(pose), camera.axes.T @ pose[:3],
-                    float(np.sqrt(along @ covariance[:3, :3] @ along)), 1 - float(left))
+    return (camera.placed(pose), camera.axes.T @ pose[:3],
+            float(np.sqrt(along @ covariance[:3, :3] @ along)), 1 - float(left))
 
 
 class _Camera:
@@ -229,9 +220,9 @@ class _Camera:
 
 def estimate_lamp(stated: TracedView, solve: Callable[[TracedView], ViewFit],
                   trace: Callable[[PhotoView, int], TracedTransport]
-                  ) -> SceneEstimate | None:
-    """Position and beam of the only lamp, and the lens's fall-off; None where the photo shows them
-    to be as stated.
+                  ) -> tuple[PhotoView, dict[str, np.ndarray], list[dict[str, Any]],
+                             tuple[Finding, ...]]:
+    """Position and beam of the only lamp, and the lens's fall-off.
 
     Parameters
     ----------
@@ -241,48 +232,52 @@ def estimate_lamp(stated: TracedView, solve: Callable[[TracedView], ViewFit],
         The fit of its spectra.
     trace : function of a view and of paths per pixel
         Its transport; the same seed every time.
+
+    Returns
+    -------
+    view : PhotoView
+        With the scene, beam and photo that are estimated.
+    covariance : dict
+        Name of a material -> (K, K) relative covariance of its signal by what is estimated.
+    parts : list of dict
+        Of the scene: what, size, error, whether it is certain. Empty where the photo shows lamp
+        and lens to be as stated.
+    findings : tuple of Finding
+        That they cannot be estimated.
     """
     from scipy.special import chdtrc
 
     if stated.traced.spp < SOLVED_SPP:      # the noise of a trace would be left unexplained
         stated = replace(stated, traced=trace(stated.view, SOLVED_SPP))
+    as_stated = stated.view, dict[str, np.ndarray](), list[dict[str, Any]]()
     problem = _LampProblem(stated, lambda view: trace(view, SLOPE_SPP), solve(stated))
     powers = [problem.power()]
-    found = problem.solved()
-    if problem.chance(found.weight) > CHANCE:
-        return None
-    most = (1 - EXPLAINED) * problem.unexplained(found.weight, 0)
-    view = problem.changed(found.lamp)
+    lamp, _, _, weight = problem.solved()
+    if problem.chance(weight) > CHANCE:
+        return *as_stated, ()
+    most = (1 - EXPLAINED) * problem.unexplained(weight, 0)
+    view = problem.changed(lamp)
     traced = replace(stated, view=view, traced=trace(view, SOLVED_SPP))
-    problem.start_from(found.lamp, traced, solve(traced))
+    problem.start_from(lamp, traced, solve(traced))
     powers.append(problem.power())
-    found = problem.solved()
+    lamp, covariance, of_materials, weight = problem.solved()
     # a lamp far off bends ratios as well, of which the second round knows
     bent = all(abs(value - 1) > max(linearity.DOUBTED * error, linearity.MIN_DEPARTURE)
                for value, error in powers)
-    if bent and problem.unexplained(found.weight, found.lamp.size, tone=True) < most:
+    if bent and problem.unexplained(weight, lamp.size, tone=True) < most:
         value, error = powers[0]
-        return SceneEstimate(stated.view, {}, [], (Finding(
-            "scene.not-linear", Severity.FAIL, values={"value": value, "error": error,
-                                                       "edges": []}),))
-    if problem.unexplained(found.weight, found.lamp.size) > most:
-        return None
+        return *as_stated, (Finding("scene.not-linear", Severity.FAIL, values={
+            "value": value, "error": error, "edges": []}),)
+    if problem.unexplained(weight, lamp.size) > most:
+        return *as_stated, ()
     parts = []
     for name, where in GROUPS.items():
-        own = found.lamp[where]
-        squares = float(own @ np.linalg.solve(found.covariance[where, where], own))
-        size, error = problem.size_of(name, found)
+        own, of_own = lamp[where], covariance[where, where]
+        squares = float(own @ np.linalg.solve(of_own, own))
+        size, error = problem.size_of(name, own, of_own)
         parts.append({"what": name, "size": size, "error": error,
                       "named": bool(chdtrc(own.size, squares) < NAMED)})
-    return SceneEstimate(problem.changed(found.lamp), found.of_materials, parts)
-
-
-@dataclass(frozen=True, eq=False)
-class _Solution:
-    lamp: np.ndarray            # (L,) position, beam and fall-off
-    covariance: np.ndarray      # (L, L)
-    of_materials: dict[str, np.ndarray]
-    weight: np.ndarray          # (R,)
+    return problem.changed(lamp), of_materials, parts, ()
 
 
 class _LampProblem:
@@ -298,12 +293,12 @@ class _LampProblem:
         row, column = surfaces.region_means(np.moveaxis(np.indices((height, width)), 0,
                                                         -1).astype(float),
                                             traced.region).T
-        hits = surfaces.hits_of(self.view.scene(), (width, height), row.round().astype(int),
-                                column.round().astype(int))
-        self.extent = float(np.linalg.norm(np.ptp(hits.point[kept], axis=0)))
+        point, _, _ = surfaces.hits_of(self.view.scene(), (width, height), row.round().astype(int),
+                                       column.round().astype(int))
+        self.extent = float(np.linalg.norm(np.ptp(point[kept], axis=0)))
         self.number = edit_scene.light_number(self.view.scene_file, None)
         lamp, tangent = _lamp_seen(self.view, row, column)
-        axis = hits.point[kept].mean(axis=0) - lamp
+        axis = point[kept].mean(axis=0) - lamp
         self.beam = beam.Beam(axis / np.linalg.norm(axis), np.zeros(beam.TERMS))
         radius = np.hypot(column - (width - 1) / 2, row - (height - 1) / 2) / np.hypot(
             (width - 1) / 2, (height - 1) / 2)
@@ -474,8 +469,10 @@ class _LampProblem:
             for cause in causes]
         return len(causes) * float(min(each))
 
-    def solved(self) -> _Solution:
-        """The estimate."""
+    def solved(self) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray], np.ndarray]:
+        """Position, beam and fall-off (L,), their covariance (L, L), by material the covariance of
+        its signal by them, and the weight (R,) of each block.
+        """
         count = self.prior.size
         weight = np.where(self.dark, 0.0, 1.0)
         for _ in range(3):
@@ -495,21 +492,18 @@ class _LampProblem:
         of_materials = {name: own[index * bands:(index + 1) * bands,
                                   index * bands:(index + 1) * bands]
                         for index, name in enumerate(self.shown)}
-        return _Solution(self.start + solution[:count], covariance[:count, :count], of_materials,
-                         weight)
+        return (self.start + solution[:count], covariance[:count, :count], of_materials, weight)
 
-    def size_of(self, name: str, found: _Solution) -> tuple[float, float]:
+    def size_of(self, name: str, own: np.ndarray, covariance: np.ndarray) -> tuple[float, float]:
         """How far a part of the scene is off, and its standard error: the lamp's offset in the
         scene's unit, the range of the beam over the blocks, the light lost in the corners.
         """
-        where = GROUPS[name]
-        own, covariance = found.lamp[where], found.covariance[where, where]
         if name == "lamp":
             size = float(np.linalg.norm(own))
             along = own / max(size, 1e-12)
             return size, float(np.sqrt(along @ covariance @ along))
         if name == "beam":
-            logs = self.columns[:, :, where].mean(axis=1)
+            logs = self.columns[:, :, GROUPS[name]].mean(axis=1)
             by_block = logs @ own
             along = logs[by_block.argmax()] - logs[by_block.argmin()]
         else:

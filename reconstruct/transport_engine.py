@@ -103,19 +103,18 @@ def _with_scene_estimated(solved: _Solved, settings: InversionSettings,
     # against the scene as stated: a pose that is estimated would hide that the photo was cropped
     cropped = shifted(stated.view.measured, rendered)
     placed, parts = _with_camera_estimated(solved, settings)
-    estimate = _lamp_estimated(placed, settings)
-    if estimate is not None and estimate.findings:      # nothing is moved by such a photo
-        return _with_findings(solved, estimate.findings)
+    view, of_materials, of_lamp, not_estimated = _lamp_estimated(placed, settings)
+    if not_estimated:           # nothing is moved by such a photo
+        return _with_findings(solved, not_estimated)
     covariance: Mapping[str, np.ndarray] = {}
-    if estimate is not None:
-        view = placed[0]
-        unit = unit_scene(estimate.view, _bounces(estimate.view, settings))
-        transport = trace_view(estimate.view, unit, view.region, view.group, settings.seed,
-                               lambda done, what: None)
-        lit = _solved_alone(replace(view, view=estimate.view, traced=transport), settings)
+    if of_lamp:
+        region, group = placed[0].region, placed[0].group
+        transport = trace_view(view, unit_scene(view, _bounces(view, settings)), region, group,
+                               settings.seed, lambda done, what: None)
+        lit = _solved_alone(replace(placed[0], view=view, traced=transport), settings)
         if _disagreement(lit[1][0], lit[3][0]) < max(scene_estimate.LEFT,
                                                      scene_estimate.LEFT_SHARE * before):
-            placed, parts, covariance = lit, [*parts, *estimate.parts], estimate.covariance
+            placed, parts, covariance = lit, [*parts, *of_lamp], of_materials
     if not parts:
         return solved
     return _with_findings(placed, (scene_estimate.finding(parts), *cropped), covariance)
@@ -152,19 +151,23 @@ def _with_camera_estimated(solved: _Solved,
     turn, parts = np.zeros(3), list[dict[str, Any]]()
     for _ in range(scene_estimate.POSE_ROUNDS):
         view, images = solved[0].view, solved[3][0].renderings
-        step = scene_estimate.estimate_pose(view, images.mean(axis=0))
-        if step is None or (not parts and step.explained < scene_estimate.EDGES_EXPLAINED):
+        pose = scene_estimate.estimate_pose(view, images.mean(axis=0))
+        if pose is None:
             break
-        placed = replace(view, scene_file=edit_scene.with_camera_at(view.scene_file, step.to_world))
+        to_world, turn_more, turn_error, explained = pose
+        if not parts and explained < scene_estimate.EDGES_EXPLAINED:
+            break
+        placed = replace(view, scene_file=edit_scene.with_camera_at(view.scene_file, to_world))
         traced, = trace_views([placed], settings, lambda done, what: None)
         solved = _solved_alone(traced, settings)
-        turn = turn + step.turn
-        parts = [scene_estimate.camera_part(turn, step.turn_error)]
+        turn = turn + turn_more
+        parts = [scene_estimate.camera_part(turn, turn_error)]
     return solved, parts
 
 
-def _lamp_estimated(solved: _Solved,
-                    settings: InversionSettings) -> scene_estimate.SceneEstimate | None:
+def _lamp_estimated(solved: _Solved, settings: InversionSettings
+                    ) -> tuple[PhotoView, dict[str, np.ndarray], list[dict[str, Any]],
+                               tuple[Finding, ...]]:
     """Lamp and lens of a view, as of ``estimate_lamp``."""
     stated, tied, fits, _ = solved
     priors = [transport_fit.spectrum_prior(settings, stated.view.grid, material.learnt)
@@ -552,9 +555,10 @@ def _solutions(traced: Sequence[transport_fit.TracedView], fit: transport_fit.Tr
     bsdfs = [material.bsdf for material in unknown]
     operators = [relative_operator(view.view.response, view.view.basis(settings.coefficients))
                  for view in traced]
-    directions = transport_fit.identifiability(fit, tuple(material.name for material in unknown),
-                                               np.vstack(operators))
-    ill_posed = fit.outcome is Outcome.CONVERGED and any(item.by_prior for item in directions)
+    determined = transport_fit.determined([material.name for material in unknown],
+                                          transport_fit.identifiability(fit), np.vstack(operators))
+    ill_posed = fit.outcome is Outcome.CONVERGED and any(one.values["by_prior"]
+                                                         for one in determined)
     name = ("single bounce (direct light only)" if settings.engine == "single-bounce"
             else "light transport traced once")
     # what scales that were estimated have in common, the level of the first, is stated with it
@@ -570,7 +574,7 @@ def _solutions(traced: Sequence[transport_fit.TracedView], fit: transport_fit.Tr
             fit.coefficients[own], signals[own], covariance[own], image, fit.cost_history,
             f"{name} ({_bounces(view.view, settings)} bounces, {len(view.traced.exponents)} "
             "products)", view.traced.spp, Outcome.ILL_POSED if ill_posed else fit.outcome,
-            transport_fit.determined(directions) + part.findings(view.view.bands, lights),
+            determined + part.findings(view.view.bands, lights),
             (part.scale, None if part.scale_error is None else float(np.sqrt(max(
                 part.scale_error**2 - (level * part.scale) ** 2, 0.0)))),
             view.regions(part), view.known_light))

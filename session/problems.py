@@ -22,7 +22,6 @@ from spectrabox.radiometry.findings import Finding, each_once
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.radiometry.spectra.cameras import known_camera
 from spectrabox.radiometry.system.archives import free_memory
-from spectrabox.reconstruct.inverse_rendering import Forecast
 from spectrabox.reconstruct.scene.scene_file import SceneFile, require_same_shape
 from spectrabox.session import kept_stages, pipeline
 from spectrabox.session.config.session_file import SessionConfig, try_read_session
@@ -38,26 +37,24 @@ class CheckResult:
     """What a run of a session would meet."""
 
     problems: dict[str, int]    # sentences in the order of the inputs, with the exit code of each
-    # what the inversion of a scene will take; None where nothing is left to invert, or unknown
-    forecast: Forecast | None
+    # by which a scene will be inverted, the seconds of processor that it will take, and the memory
+    # of tracing besides the program; None where nothing is left to invert, or unknown
+    engine: str | None = None
+    seconds: float | None = None
+    tracing_bytes: int | None = None
     # of what the scenes state: what is not kept, and how their lights are taken
     findings: tuple[Finding, ...] = ()
     # by whose curves the first photo's camera is known, where the session takes them from a chart
     known_camera: str | None = None
 
     @property
-    def tracing_bytes(self) -> int | None:
-        """That tracing will take besides the program; None where nothing is traced, or unknown."""
-        return None if self.forecast is None else self.forecast.tracing_bytes
-
-    @property
     def sentence(self) -> str:
         """How long the inversion will take, and what tracing of the memory that is free; empty
         where that is not known.
         """
-        if self.forecast is None:
+        if self.seconds is None:
             return ""
-        seconds = f"{self.forecast.seconds:.0f} s of processor"
+        seconds = f"{self.seconds:.0f} s of processor"
         if self.tracing_bytes is None:
             return f"the descent through the renderer will take at most about {seconds}"
         free = free_memory()
@@ -85,7 +82,7 @@ def check_session(folder: Path, allow_outside: bool = False, device: str = DEVIC
         problems[f"{folder} cannot be written: change its permissions"] = \
             errors.EnvironmentProblem.exit_code
     if config is None:
-        return CheckResult(problems, None)
+        return CheckResult(problems)
 
     def attempt(read: Callable[..., Any], *arguments: Any) -> Any:
         """The result, or None with the problem noted."""
@@ -102,13 +99,14 @@ def check_session(folder: Path, allow_outside: bool = False, device: str = DEVIC
     _attempt_together(capture, attempt)
     scenes = [*_scenes(capture, attempt).values(), capture.chart_scene]
     findings = [one for scene in scenes if scene is not None for one in scene.left_out]
-    forecast = None
+    engine = seconds = tracing_bytes = None
     if not problems and (foreseen := attempt(_run_up_to_tracing, config, device, shared)):
-        forecast, of_lights = foreseen
+        engine, seconds, tracing_bytes, of_lights = foreseen
         findings += of_lights
     if problems:        # a stage stops at its first fault: say those of the other photos too
         _attempt_photos(capture, attempt)
-    return CheckResult(problems, forecast, each_once(findings), _known_camera(config))
+    return CheckResult(problems, engine, seconds, tracing_bytes, each_once(findings),
+                       _known_camera(config))
 
 
 def _known_camera(config: SessionConfig) -> str | None:
@@ -187,7 +185,7 @@ def readable(read: Callable[..., Any], *arguments: Any) -> Any:
 
 
 def _run_up_to_tracing(config: SessionConfig, device: str, shared: Path | None
-                       ) -> tuple[Forecast, tuple[Finding, ...]] | None:
+                       ) -> tuple[str, float, int | None, tuple[Finding, ...]] | None:
     """Run the short stages as a run does, which then keeps them, and what the long ones ask before
     they begin; what the inversion will take, where something is left to invert, and findings.
     """

@@ -11,7 +11,7 @@ from flat_example import HEAD, regions_toml, write_flat
 
 from spectrabox.radiometry.files import sha256_of
 from spectrabox.session.batch.overview import program_of_batch
-from spectrabox.session.batch.tasks import Order
+from spectrabox.session.batch.tasks import Task
 
 KEPT = {".npz", ".csv", ".xml", ".png"}
 FLAT = ("chart", "photo", "calibrate", "signals", "sample")     # stages, in order
@@ -48,8 +48,10 @@ def results_of(folder):
             and not path.is_relative_to(folder / "photos")}
 
 
-def order_of(folders, out, made=None):
-    return Order(tuple(folders), out, "cpu", False, program_of_batch() if made is None else made)
+def batch_of(folders, out, made=None):
+    """The tasks of a batch."""
+    program = program_of_batch() if made is None else made
+    return [Task(folder, out, "cpu", False, program) for folder in folders]
 
 
 def process_at(folder, limit_s=120):

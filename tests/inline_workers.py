@@ -1,7 +1,7 @@
 """Workers that do their tasks in this process, as they are given."""
 from concurrent.futures import Executor, Future
 
-from spectrabox.session.batch.executors import Capacity, Workers
+from spectrabox.session.batch.executors import Workers
 
 
 class Inline(Executor):
@@ -28,6 +28,6 @@ def inline_workers(work=lambda task: task(), workers=1, total_bytes=None, worker
 
     def capacity():
         executor.rounds.append([])
-        return Capacity(workers, total_bytes, worker_bytes)
+        return workers, total_bytes, worker_bytes
 
     return executor, Workers("", capacity, lambda count: executor)

@@ -37,7 +37,7 @@ from spectrabox.radiometry.records.spectra import (
     SpectrumSummary,
     SurfaceSignals,
 )
-from spectrabox.session.outputs.session_results import SessionResults, StageRun, UsedFile
+from spectrabox.session.outputs.session_results import SessionResults, UsedFile
 
 GIVEN_CORNERS = Finding("chart.corners-given", Severity.INFO)
 GRID = visible_grid(5.0)
@@ -79,7 +79,7 @@ def example_session(folder: Path, bands: tuple[str, ...] = ("R", "G", "B"), char
                 UsedFile("light", "spectra/lamp.csv", "0a" * 32, 4321)),
         sensitivity_truth=(GRID.nm, fit.curves * 0.98) if truth else None,
         previews={"": folder / "preview.png"}, chart_overlay=folder / "overlay.png",
-        stages=(StageRun("chart", 2.31, "run"), StageRun("sample", 0.8, "kept")),
+        stages=(("chart", 2.31, "run"), ("sample", 0.8, "kept")),
         provenance={"spectrabox": "0.1.0", "numpy": np.__version__,
                     "command": "spectrabox run session", "seed": 7,
                     "machine": {"cores": 2, "gpu": False}})

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 from batch_sessions import (
+    batch_of,
     begun,
     copies,
     kill_worker_at,
-    order_of,
     process_at,
     results_of,
     write_session,
@@ -38,7 +38,6 @@ from spectrabox.session.batch.overview import (
 )
 from spectrabox.session.batch.tasks import (
     PeakMemory,
-    Task,
     kept_outcomes,
     run_batch,
     session_folders,
@@ -130,22 +129,22 @@ def test_a_batch_makes_what_run_makes_and_the_calibration_once(session, tmp_path
 
 def test_what_is_done_is_not_run_again_until_something_changes(session, tmp_path):
     folders = [shutil.copytree(session, tmp_path / name) for name in ("a", "b")]
-    order, (_, here) = order_of(folders, tmp_path / "out"), inline_workers()
-    assert [each.verdict for each in run_batch(order, folders, here)] == ["pass", "pass"]
-    assert list(kept_outcomes(order)) == folders
+    tasks, (_, here) = batch_of(folders, tmp_path / "out"), inline_workers()
+    assert [each.verdict for each in run_batch(tasks, here)] == ["pass", "pass"]
+    assert list(kept_outcomes(tasks)) == folders
     os.utime(folders[0] / "photos" / "sample.dng", ns=(0, 0))
-    assert list(kept_outcomes(order)) == folders[1:]
+    assert list(kept_outcomes(tasks)) == folders[1:]
     (folders[1] / "report.html").unlink()
-    assert kept_outcomes(order) == {}
-    outcomes = list(run_batch(order, folders, here))
+    assert kept_outcomes(tasks) == {}
+    outcomes = list(run_batch(tasks, here))
     assert {state for each in outcomes for state, _ in each.stages.values()} == {"kept"}
     assert (folders[1] / "report.html").is_file()
-    assert list(kept_outcomes(order)) == folders
-    assert kept_outcomes(dataclasses.replace(order, program="another program")) == {}
-    path = next((order.out / "sessions").iterdir())
+    assert list(kept_outcomes(tasks)) == folders
+    assert kept_outcomes(batch_of(folders, tmp_path / "out", "another program")) == {}
+    path = next((tmp_path / "out" / "sessions").iterdir())
     for damaged in ("", "[]", "{}", "[" * 100_000, path.read_text().replace('"files"', '"off"')):
         path.write_text(damaged, encoding="utf-8")
-        assert len(kept_outcomes(order)) == 1
+        assert len(kept_outcomes(tasks)) == 1
 
 
 def test_a_shared_calibration_that_was_damaged_is_made_again(session, tmp_path):
@@ -176,9 +175,9 @@ def test_a_session_that_differs_shares_nothing_with_it(session, tmp_path):
 
 def test_a_worker_killed_costs_nothing_but_time(session, tmp_path):
     folders = begun(session, tmp_path, ["a", "b"], until="signals")
-    order = order_of(folders, tmp_path / "out")
+    tasks = batch_of(folders, tmp_path / "out")
     with open_processes(2) as workers, kill_worker_at(folders[0]):
-        outcomes = list(run_batch(order, folders, workers))
+        outcomes = list(run_batch(tasks, workers))
     assert [each.verdict for each in outcomes] == ["pass", "pass"]
     for folder in folders:
         assert results_of(folder) == results_of(session)
@@ -221,39 +220,40 @@ def test_workers_end_with_their_parent(session, tmp_path):
 def tasks_of(needs, check=False):
     """Patched in place of reading the sessions: a task for each, which needs so much."""
     each = iter(needs)
-    return lambda folder, order: Task(folder, order, check, next(each))
+    return lambda task: dataclasses.replace(task, check=check, needed_bytes=next(each))
 
 
 def test_a_scene_is_looked_at_before_it_runs_with_what_it_needs(tmp_path, monkeypatch):
-    order = order_of([tmp_path / "a", tmp_path / "b"], tmp_path / "out", "x")
+    tasks = batch_of([tmp_path / "a", tmp_path / "b"], tmp_path / "out", "x")
     monkeypatch.setattr("spectrabox.session.batch.tasks.first_task", tasks_of([40, 40], check=True))
     executor, here = inline_workers(lambda task: dataclasses.replace(
         stand_in(task), needed_bytes=70) if task.check else stand_in(task))
-    assert len(list(run_batch(order, [*order.folders], here))) == 2
+    assert len(list(run_batch(tasks, here))) == 2
     # what has been looked at runs before the next is looked at
     assert [(task.folder.name, task.check, task.needed_bytes) for task in executor.tasks] == [
         ("a", True, 40), ("a", False, 70), ("b", True, 40), ("b", False, 70)]
 
 
 def test_a_session_that_cannot_be_run_is_one_row(tmp_path, monkeypatch):
-    order = order_of([tmp_path / "a", tmp_path / "b"], tmp_path / "out", "x")
+    tasks = batch_of([tmp_path / "a", tmp_path / "b"], tmp_path / "out", "x")
     monkeypatch.setattr("spectrabox.session.batch.tasks.first_task", tasks_of([2**30, 2**20]))
     _, here = inline_workers(stand_in, worker_bytes=2**29)
-    outcomes = list(run_batch(order, [*order.folders], here))
+    outcomes = list(run_batch(tasks, here))
     assert [(each.word, each.exit_code) for each in outcomes] == [("ERROR", 7), ("PASS", 0)]
     assert "1024 MiB of memory are needed and a worker has 512 MiB" in outcomes[0].says
 
 
 def test_everything_that_is_wrong_with_a_scene_is_in_its_row(captured, tmp_path):
     (captured / "photos" / "box.dng").write_bytes(b"no photo")
-    order = order_of([captured], tmp_path / "out")
-    (outcome,) = run_batch(order, [captured], inline_workers()[1])
+    tasks = batch_of([captured], tmp_path / "out")
+    (outcome,) = run_batch(tasks, inline_workers()[1])
     assert outcome.state == "failed" and "box.dng" in outcome.says
-    assert stored_outcome(order.out, captured, order.program) is None      # it is tried again
+    assert stored_outcome(tasks[0].out, captured, tasks[0].program) is None      # it is tried again
 
 
 def test_a_worker_with_another_program_refuses(session, tmp_path):
-    outcome = Task(session, order_of([session], tmp_path, "another"), False, 0)()
+    (task,) = batch_of([session], tmp_path, "another")
+    outcome = task()
     assert outcome.exit_code == 7 and "program, packages or kept cameras" in outcome.says
 
 
@@ -263,7 +263,8 @@ def test_what_nobody_foresaw_is_a_row_too(session, tmp_path, monkeypatch, error,
     def fail(*_):
         raise error
     monkeypatch.setattr("spectrabox.session.batch.tasks._run", fail)
-    outcome = Task(session, order_of([session], tmp_path), False, 0)()
+    (task,) = batch_of([session], tmp_path)
+    outcome = task()
     assert outcome.exit_code == code and said in outcome.says
 
 

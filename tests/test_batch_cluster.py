@@ -10,7 +10,7 @@ import urllib.parse
 from pathlib import Path
 
 import pytest
-from batch_sessions import begun, kill_worker_at, order_of, results_of, write_session
+from batch_sessions import batch_of, begun, kill_worker_at, results_of, write_session
 
 from spectrabox.radiometry.errors import EnvironmentProblem, InputError
 from spectrabox.session.batch.executors import (
@@ -32,21 +32,21 @@ pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::Depr
 def session(tmp_path_factory):
     """A session that plain processes have made."""
     folder = write_session(tmp_path_factory.mktemp("one") / "as processes")
-    order = order_of([folder], folder.parent / "out")
+    tasks = batch_of([folder], folder.parent / "out")
     with open_processes(1) as workers:
-        (outcome,) = run_batch(order, [folder], workers)
+        (outcome,) = run_batch(tasks, workers)
     assert outcome.state == "done"
     return folder
 
 
 def test_a_cluster_makes_the_bits_of_processes_though_a_worker_is_killed(session, tmp_path):
     folders = begun(session, tmp_path, ["a", "b"], until="signals")
-    order = order_of(folders, tmp_path / "out")
+    tasks = batch_of(folders, tmp_path / "out")
     with open_workers("local", 1, len(folders)) as workers, kill_worker_at(folders[0]):
-        assert workers.capacity().workers == 1 and workers.about == ""
+        assert workers.capacity()[0] == 1 and workers.about == ""
         # Dask's own setting has every array mapped anew: up to half as much processor again
         assert {*default_client().run(os.getenv, "MALLOC_TRIM_THRESHOLD_").values()} == {None}
-        outcomes = run_batch(order, folders, workers)
+        outcomes = run_batch(tasks, workers)
         assert [(each.state, each.says) for each in outcomes if each.state != "done"] == []
     for folder in folders:
         assert results_of(folder) == results_of(session)
@@ -133,21 +133,21 @@ def dask(tmp_path):
 
 def test_a_scheduler_that_dies_costs_nothing_that_is_stored(session, tmp_path, dask):
     folders = begun(session, tmp_path, ["a", "b"], until="signals")
-    order = order_of(folders, tmp_path / "out")
+    tasks = batch_of(folders, tmp_path / "out")
     address, scheduler, worker = dask()
     with pytest.raises(EnvironmentProblem, match="the same command again to go on"), \
             open_workers(address, None, 2) as workers:
-        assert workers.capacity().worker_bytes == 2 * 2**30
-        for outcome in run_batch(order, folders, workers):
+        assert workers.capacity()[2] == 2 * 2**30
+        for outcome in run_batch(tasks, workers):
             assert outcome.state == "done", outcome.says
             scheduler.kill()
     worker.kill()
     worker.wait()
-    done = kept_outcomes(order)
+    done = kept_outcomes(tasks)
     assert len(done) == 1
     address, _, _ = dask()
     with open_workers(address, None, 1) as workers:
-        (outcome,) = run_batch(order, [each for each in folders if each not in done], workers)
+        (outcome,) = run_batch([each for each in tasks if each.folder not in done], workers)
     assert outcome.state == "done", outcome.says
     for folder in folders:
         assert results_of(folder) == results_of(session)

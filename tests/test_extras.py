@@ -23,7 +23,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.spectra.spectrum_files import read_table
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.session.batch.overview import batch_facts, batch_text, program_of_batch, write_page
-from spectrabox.session.batch.tasks import Order, kept_outcomes, run_batch
+from spectrabox.session.batch.tasks import Task, kept_outcomes, run_batch
 
 from benchmarks.bench_extras import Tally, answers_of, drawn_case
 
@@ -42,7 +42,7 @@ OF_A_REPORT = {"pictures": {
         "spectrabox.measure.advice.advise.advice_on_capture": "advice",
         "spectrabox.measure.surfaces.colour_comparison.metamer_pair":
             "comparison of spectra that look alike",
-        "spectrabox.session.report.sections.swatch_pairs": "section on the chart"},
+        "spectrabox.session.report.page.swatch_pairs": "section on the chart"},
     "report": {"spectrabox.session.report.page.render_report": "full report"}}
 
 
@@ -157,19 +157,19 @@ def test_a_chart_is_judged_without_its_edition(measured, monkeypatch):
 def test_a_batch_names_what_failed_and_tries_it_again(measured, tmp_path, monkeypatch):
     folder, expected = measured
     own = shutil.copytree(folder, tmp_path / "flat").resolve()
-    order = Order((own,), tmp_path / "out", "cpu", False, program_of_batch())
+    tasks = [Task(own, tmp_path / "out", "cpu", False, program_of_batch())]
     with monkeypatch.context() as planted:
         planted.setattr("spectrabox.session.batch.tasks.picture_data_uri", fails)
-        (outcome,) = run_batch(order, [own], inline_workers()[1])
+        (outcome,) = run_batch(tasks, inline_workers()[1])
     why = f"No picture of the photo: ValueError: {WHY}."
     assert (outcome.state, outcome.verdict, outcome.failed_extras) == (
         "done", expected["verdict"], (why,))
-    page = write_page(order.out, [outcome], 1)
+    page = write_page(tmp_path / "out", [outcome], 1)
     assert why in page.read_text(encoding="utf-8") and why in batch_text([outcome], 0, page)
     assert batch_facts([outcome], 0, page, 1)["sessions"][0]["failed_extras"] == [why]
-    assert not kept_outcomes(order)
-    (mended,) = run_batch(order, [own], inline_workers()[1])
-    assert not mended.failed_extras and [*kept_outcomes(order)] == [own]
+    assert not kept_outcomes(tasks)
+    (mended,) = run_batch(tasks, inline_workers()[1])
+    assert not mended.failed_extras and [*kept_outcomes(tasks)] == [own]
 
 
 def test_the_library_returns_the_answer_without_its_advice(measured, monkeypatch):

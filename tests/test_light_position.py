@@ -15,7 +15,7 @@ from spectrabox.radiometry.interreflection import response_matrix, signal
 from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.reconstruct.rendering.renderer import load_scene, render
 from spectrabox.reconstruct.scene.edit_scene import light_number, move_light, with_light_moved
-from spectrabox.reconstruct.scene.light_position import PositionSettings, refine_light_position
+from spectrabox.reconstruct.scene.light_position import refine_light_position
 from spectrabox.reconstruct.scene.scene_file import read_scene
 from spectrabox.reconstruct.scene.scene_xml import scene_xml
 from spectrabox.reconstruct.tracer.transport import trace_transport
@@ -68,7 +68,7 @@ def photo(scene, offset):
 def test_a_light_three_centimetres_off_is_found_within_its_standard_error(tmp_path, change):
     light = refine_light_position(box(tmp_path, change), PAINTS, response(),
                                   photo(box(tmp_path, change), TRUE_OFFSET_CM),
-                                  settings=PositionSettings(spp=32))
+                                  spp=32)
     assert light.outcome is Outcome.CONVERGED and light.chi_square < min(
         light.chi_square_before / 3, 1.5)
     # Three normal numbers: all within 3.5 standard errors at a significance of 1.4e-3.
@@ -127,7 +127,7 @@ def test_what_cannot_be_refined_is_refused(tmp_path):
         light_number(sky, None)
     behind = box(tmp_path, lambda text: as_point(text).replace('z="38"', 'z="-500"'))
     with pytest.raises(InputError, match="the light reaches"):
-        refine_light_position(behind, PAINTS, response(), shown, settings=PositionSettings(spp=4))
+        refine_light_position(behind, PAINTS, response(), shown, spp=4)
     words = box(tmp_path, lambda text: as_point(text).replace('x="5"', 'x="$x"'))
     with pytest.raises(InputError, match="is not three numbers"):
         move_light(words.root, 0, np.zeros(3))
@@ -138,7 +138,7 @@ def test_a_distant_light_has_no_position(tmp_path):
                                                             'x="5000" y="27000" z="380000"'))
     with pytest.raises(CalibrationError, match="does not tell where the light is"):
         refine_light_position(far, PAINTS, response(), photo(far, np.zeros(3)),
-                              settings=PositionSettings(spp=4))
+                              spp=4)
 
 
 def test_the_command_writes_the_scene_with_the_light_where_it_was(tmp_path):
@@ -207,6 +207,6 @@ def test_the_beam_of_a_lamp_is_part_of_what_its_place_explains(tmp_path):
                            1e-9 * image.max() ** 2)
     light = refine_light_position(scene, PAINTS, response(),
                                   photo_of(TRUE_SCALE * image, TRUE_SCALE**2 * noise),
-                                  settings=PositionSettings(spp=64))
+                                  spp=64)
     assert light.chi_square < 1.5
     assert np.all(np.abs(light.offset - TRUE_OFFSET_CM) < 3.5 * light.standard_error)

@@ -82,13 +82,13 @@ def test_a_loss_that_only_scatters_has_stalled_and_one_that_falls_has_not():
 
 def test_the_descent_stops_by_itself_and_says_so(tmp_path):
     view = ball(tmp_path)
-    fit = descend(view, 200, spp=2)
-    assert fit.outcome is Outcome.CONVERGED and 2 * gradient.WINDOW < len(fit.loss_history) < 200
+    tail, _, losses, outcome = descend(view, 200, spp=2)
+    assert outcome is Outcome.CONVERGED and 2 * gradient.WINDOW < len(losses) < 200
     # The last quarter of the steps brings the step size down; half of these are averaged. Rounded
     # down twice.
-    assert abs(len(fit.tail) - len(fit.loss_history) / 8) < 1.5
-    short = descend(view, 8)
-    assert short.outcome is Outcome.STEP_LIMIT and len(short.loss_history) == 8
+    assert abs(len(tail) - len(losses) / 8) < 1.5
+    _, _, losses, outcome = descend(view, 8)
+    assert outcome is Outcome.STEP_LIMIT and len(losses) == 8
 
 
 def test_memory_does_not_grow_with_the_steps(tmp_path, monkeypatch):

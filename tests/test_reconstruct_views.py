@@ -239,9 +239,10 @@ def test_the_prior_on_spectra_is_an_option(first):
     mean, flat = np.full(GRID.nm.size, 0.4), np.eye(GRID.nm.size) * 1e-4
     learnt = LearntSpectra(GRID.nm, mean, flat)
     basis = first.basis(9)
-    prior = spectrum_prior(replace(SETTINGS, spectrum_prior="learnt", learnt=learnt), GRID)
-    np.testing.assert_allclose(basis @ prior.mean, mean, rtol=1e-9)
-    smooth, free = (spectrum_prior(replace(SETTINGS, spectrum_prior=name), GRID).precision
+    of_coefficients, _ = spectrum_prior(replace(SETTINGS, spectrum_prior="learnt", learnt=learnt),
+                                        GRID)
+    np.testing.assert_allclose(basis @ of_coefficients, mean, rtol=1e-9)
+    smooth, free = (spectrum_prior(replace(SETTINGS, spectrum_prior=name), GRID)[1]
                     for name in ("smooth", "none"))
     assert np.trace(smooth) > np.trace(free)
     with pytest.raises(InputError, match="no prior on spectra 'magic'; use one of learnt, smooth, "

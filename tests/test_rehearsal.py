@@ -11,7 +11,7 @@ from spectrabox.measure.scene.rehearsal import Rehearsed
 from spectrabox.measure.steps.inversion import settings_of, views_of
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.agreement import within_to_block
-from spectrabox.reconstruct.replay import Truth, _patterns, _photographed, replay, set_stage
+from spectrabox.reconstruct.replay import Truth, _patterns, _photographed, replay, replayable
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.kept_stages import load_finished
@@ -26,20 +26,21 @@ TIMES, FEW = 20, 6
 def test_a_photo_of_the_spectra_that_were_found_gives_their_signals_back(finished):
     made = load_finished(read_session(finished))
     joint = made.records.reconstruct.joint
-    stage = set_stage(views_of(made.capture, made.records), settings_of(made.capture), silent)
-    view = stage.views[0].view
+    settings = settings_of(made.capture)
+    views = replayable(views_of(made.capture, made.records), settings, silent)
+    view = views[0].view
     truth = Truth(dict(zip(joint.materials, joint.spectra, strict=True)),
                   (view.response[None] * joint.views[0].light_scale.value,),
                   (np.zeros(3),), (0.0,))
-    again = replay(stage, truth, np.random.default_rng(5))
+    again = replay(views, settings, truth, np.random.default_rng(5))
     expected = joint.spectra @ joint.response.T
     # the photo's noise, and surfaces brighter or darker by the stated error; of twelve signals
     # one is beyond 3.5 standard deviations in less than one of a hundred replays
     error = np.sqrt(np.einsum("mjj->mj", again.signal_covariance)
-                    + (stage.views[0].nuisances.surface_error * expected) ** 2)
+                    + (views[0].nuisances.surface_error * expected) ** 2)
     assert np.abs((again.signal - expected) / error).max() < 3.5
     # light that no scene holds: the same photo with it, less the photo without
-    traced, region = stage.views[0], stage.views[0].region
+    traced, region = views[0], views[0].region
     clean, hazy, lit = (_photographed(traced, dataclasses.replace(truth, glare=(glare,),
                                                                   ambient=(ambient,)), 0,
                                       np.zeros_like(traced.traced.coefficients),
@@ -60,9 +61,9 @@ def test_a_photo_of_the_spectra_that_were_found_gives_their_signals_back(finishe
 
 def test_surfaces_of_a_rehearsed_photo_are_uneven_as_the_session_showed(finished):
     made = load_finished(read_session(finished))
-    stage = set_stage(views_of(made.capture, made.records), settings_of(made.capture), silent)
-    traced = dataclasses.replace(stage.views[0], nuisances=dataclasses.replace(
-        stage.views[0].nuisances, block_error=0.02))
+    views = replayable(views_of(made.capture, made.records), settings_of(made.capture), silent)
+    traced = dataclasses.replace(views[0], nuisances=dataclasses.replace(
+        views[0].nuisances, block_error=0.02))
     surfaces = np.unique(traced.group)
     within = 0.02 / within_to_block(len(traced.group), surfaces.size)
     rng = np.random.default_rng(3)

@@ -227,8 +227,8 @@ def test_the_texture_of_a_wall_seen_face_on_is_the_picture_of_it(tmp_path, monke
     rows, columns = shape
     row, column = (each.ravel() for each in np.mgrid[:rows, :columns])
     u, v = (column + 0.5) / columns, 1 - (row + 0.5) / rows
-    monkeypatch.setattr(surface_textures, "hits_of", lambda *_: SimpleNamespace(
-        uv=np.column_stack([u, v]), point=np.column_stack([u * columns, v * rows, 0 * u])))
+    monkeypatch.setattr(surface_textures, "hits_of", lambda *_: (
+        np.column_stack([u * columns, v * rows, 0 * u]), np.ones(u.size), np.column_stack([u, v])))
     scene = SimpleNamespace(
         crop=SimpleNamespace(rows=slice(0, rows), columns=slice(0, columns)),
         view=SimpleNamespace(surface_materials=["paint"], known=(), size=(columns, rows),

@@ -15,21 +15,13 @@ import numpy as np
 
 from spectrabox.radiometry.grid import basis_matrix, grid_from_nm
 from spectrabox.radiometry.interreflection import response_matrix
-from spectrabox.radiometry.records.spectra import Outcome
-from spectrabox.reconstruct.gradient_engine import (
-    LEARNING_RATE,
-    START,
-    TAIL,
-    GradientFit,
-    cosine_rate,
-)
+from spectrabox.reconstruct.gradient_engine import LEARNING_RATE, START, TAIL, cosine_rate
 from spectrabox.reconstruct.rendering.llvm import ensure_llvm
 from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.view import PhotoView
 
 WAVELENGTHS = 31
 VARIANT = "llvm_ad_mono"
-STILL_FALLING = 0.10    # share by which the loss of the last steps fell: above, more are needed
 _SPECTRUM = re.compile(r'<spectrum name="(\w+)" type="regular">.*?</spectrum>', re.DOTALL)
 _FILM = re.compile(r'<film type="specfilm">.*?</film>', re.DOTALL)
 
@@ -51,8 +43,8 @@ class MonochromeJob:
     seed: int
 
 
-def descend(job: MonochromeJob) -> GradientFit:
-    """Coefficients after all steps of the job, run in a process of its own."""
+def descend(job: MonochromeJob) -> np.ndarray:
+    """Coefficients (U, N) after all steps of the job, run in a process of its own."""
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
         return pool.submit(_descend, job).result()
 
@@ -97,7 +89,7 @@ def monochrome_xml(view: PhotoView) -> str:
     return _SPECTRUM.sub(one_value, _FILM.sub(film, xml))
 
 
-def _descend(job: MonochromeJob) -> GradientFit:
+def _descend(job: MonochromeJob) -> np.ndarray:
     """Adam on the coefficients of the unknown materials; runs where nothing else has been rendered.
     """
     ensure_llvm()
@@ -115,7 +107,7 @@ def _descend(job: MonochromeJob) -> GradientFit:
     optimizer = mi.ad.Adam(lr=LEARNING_RATE)
     for key in names:
         optimizer[key] = mi.Float(np.full(count, START, dtype=np.float32))
-    losses, tail = [], []
+    tail = []
     scale = job.scale or 1.0
 
     def show(wavelength: int) -> None:
@@ -146,18 +138,9 @@ def _descend(job: MonochromeJob) -> GradientFit:
                               + 1)[:, :, 0]
             weight = mi.TensorXf((slope @ job.response[:, wavelength]).astype(np.float32))
             dr.backward(dr.sum(plane * weight, axis=None))
-        losses.append(float(np.sum(job.weight * (signal - job.measured) ** 2)))
         optimizer.step()
         for key in names:
             optimizer[key] = dr.clip(dr.detach(optimizer[key]), 0.0, 1.0)
         if step >= min((1 - TAIL) * job.steps, job.steps - 1):
             tail.append(np.array([np.array(optimizer[key]) for key in names], dtype=np.float64))
-    history, last = np.array(losses), np.array(tail)
-    return GradientFit(last.mean(axis=0), last, scale, history, outcome_of(history))
-
-
-def outcome_of(losses: np.ndarray) -> Outcome:
-    """Whether the loss (I,) still fell over the tail, by the means of its two halves."""
-    tail = losses[-max(int(TAIL * losses.size), 4):]
-    first, second = tail[:tail.size // 2].mean(), tail[tail.size // 2:].mean()
-    return Outcome.STEP_LIMIT if second < (1 - STILL_FALLING) * first else Outcome.CONVERGED
+    return np.asarray(np.mean(tail, axis=0))

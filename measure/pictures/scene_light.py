@@ -106,7 +106,7 @@ def _sample_pixels(scene: traced_photo.TracedPhoto, photo: lit_photo.LitPhoto,
         places.append(place)
     row, column = np.divmod(np.concatenate([np.empty(0, int), *places]), inside.shape[1])
     row, column = row + crop.rows.start, column + crop.columns.start
-    area = hits_of(scene.unit.scene, view.size, row, column).area
+    _, area, _ = hits_of(scene.unit.scene, view.size, row, column)
     return np.repeat(materials, [place.size for place in places]), row, column, area
 
 

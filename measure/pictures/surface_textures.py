@@ -53,8 +53,8 @@ class TextureSums:
         unknown = [number for number, name in enumerate(view.surface_materials)
                    if name not in view.known]
         row, column = np.nonzero(np.isin(surface, unknown) & (flags == pixel_flags.SEEN))
-        hits = hits_of(scene.unit.scene, view.size, row + crop.rows.start,
-                       column + crop.columns.start)
+        point, _, coordinates = hits_of(scene.unit.scene, view.size, row + crop.rows.start,
+                                        column + crop.columns.start)
         surface_of = surface[row, column]
         pairs = _neighbours(row, column, surface_of, surface.shape)
         self._texel = np.full(surface.shape, -1, np.int32)      # of each pixel, among all shown
@@ -64,18 +64,17 @@ class TextureSums:
         for number in unknown:
             own = np.flatnonzero(surface_of == number)
             neighbours = pairs[surface_of[pairs[:, 0]] == number]
-            uv = hits.uv[own]
+            uv = coordinates[own]
             if own.size < MIN_PIXELS or not neighbours.size or np.ptp(uv, axis=0).min() == 0:
                 continue
-            apart = np.linalg.norm(hits.point[neighbours[:, 0]] - hits.point[neighbours[:, 1]],
-                                   axis=1)
-            rows, columns = (_texels_along(np.abs(np.diff(hits.uv[neighbours, axis])[:, 0]))
+            apart = np.linalg.norm(point[neighbours[:, 0]] - point[neighbours[:, 1]], axis=1)
+            rows, columns = (_texels_along(np.abs(np.diff(coordinates[neighbours, axis])[:, 0]))
                              for axis in (1, 0))
             # v runs upwards, rows downwards
             texel = np.clip(((1 - uv[:, 1]) * rows).astype(int), 0, rows - 1) * columns \
                 + np.clip((uv[:, 0] * columns).astype(int), 0, columns - 1)
             shown, inverse = np.unique(texel, return_inverse=True)
-            if _shows_several_parts(inverse, hits.point[own], float(np.median(apart))):
+            if _shows_several_parts(inverse, point[own], float(np.median(apart))):
                 shared.append(names[number][0])
                 continue
             self._texel[row[own], column[own]] = total + inverse

@@ -33,7 +33,7 @@ from spectrabox.radiometry.records.scenes import JointReconstruction
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.reconstruct import settings, view
 from spectrabox.reconstruct.fit.transport_fit import TracedView
-from spectrabox.reconstruct.replay import Truth, replay, set_stage
+from spectrabox.reconstruct.replay import Truth, replay, replayable
 from spectrabox.sampling.prior import mixture
 from spectrabox.sampling.prior.families.family_models import true_reflectances
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
@@ -159,7 +159,7 @@ def rehearse(views: Sequence[view.PhotoView], settings: settings.InversionSettin
     of_truths, of_photos = np.random.SeedSequence(seed).spawn(2)
     truths = {name: true_reflectances(own, times, np.random.default_rng(one)) for (name, own), one
               in zip(priors.items(), of_truths.spawn(len(priors)), strict=True)}  # (T, 61) each
-    stage = set_stage(views, settings, lambda done, what: progress(TRACING * done, what))
+    traced_views = replayable(views, settings, lambda done, what: progress(TRACING * done, what))
     cameras = _cameras(calibrations[0], times, seed)
     rows = []
     for number, one in enumerate(of_photos.spawn(times)):
@@ -170,13 +170,13 @@ def rehearse(views: Sequence[view.PhotoView], settings: settings.InversionSettin
             + (gloss.draw_gloss(stated_gloss[name], 1, rng)[0] if name in stated_gloss else 0.0)
             for name, own in truths.items()}
         responses = tuple(_response(traced, calibrations[index], joint, index, cameras[number], rng)
-                          for index, traced in enumerate(stage.views))
+                          for index, traced in enumerate(traced_views))
         # as large as stated, and never less than none
         true_glare = [glare * part for part in np.abs(rng.standard_normal(len(responses)))]
         true_ambient = ambient * np.abs(rng.standard_normal(len(responses)))
-        photographed = replay(stage, Truth(true_spectra, responses, tuple(true_glare),
-                                           tuple(true_ambient.tolist())), rng)
-        again = with_stray_light(photographed, glare, ambient, stated_gloss)
+        truth = Truth(true_spectra, responses, tuple(true_glare), tuple(true_ambient.tolist()))
+        again = with_stray_light(replay(traced_views, settings, truth, rng), glare, ambient,
+                                 stated_gloss)
         signals = scene_signals(again, calibrations)
         scores = []
         for name, own in priors.items():

@@ -88,7 +88,7 @@ def glare_error(capture: SceneCapture, records: CaptureRecords) -> np.ndarray:
 
 
 def require_invertible(capture: SceneCapture, records: CaptureRecords, device: str
-                       ) -> tuple[inverse_rendering.Forecast, tuple[Finding, ...]]:
+                       ) -> tuple[str, float, int | None, tuple[Finding, ...]]:
     """Refuse a capture that the step would refuse: all that it uses is built, and a first, short
     piece of its work done.
 
@@ -101,8 +101,8 @@ def require_invertible(capture: SceneCapture, records: CaptureRecords, device: s
 
     Returns
     -------
-    forecast : Forecast
-        Of time and memory.
+    engine, seconds, tracing_bytes
+        As of ``inverse_rendering.forecast``.
     findings : tuple of Finding
         What of the scenes is not kept, and how their lights are taken.
 
@@ -122,7 +122,7 @@ def require_invertible(capture: SceneCapture, records: CaptureRecords, device: s
         alike = settings.engine not in inverse_rendering.SINGLE_VIEW and not any(view.own_lights
                                                                                  for view in views)
         draws.require_one_transport(len(views), alike)
-    return inverse_rendering.forecast(views, settings), findings
+    return *inverse_rendering.forecast(views, settings), findings
 
 
 def _require_picture(capture: SceneCapture, views: Sequence[PhotoView]) -> None:

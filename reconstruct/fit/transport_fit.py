@@ -1,12 +1,10 @@
 """Spectra from views through their traced light transports, with covariance, and what the photos
 determine of them.
 
-Spectra from views through their traced light transports, with covariance.
-
 Bounded, regularised Gauss-Newton. The unknowns are the spline coefficients of every unknown
 material, in [0, 1], shared by all views; and of each view its light scale, where that is asked for,
 and the nuisances of ``view_terms.py``. The prior on spectra decides what the photos leave open, and
-``identifiability.py`` says what that is.
+``identifiability`` says what that is.
 """
 
 
@@ -134,7 +132,7 @@ class TracedView:
             self.nuisances.brightness_error)
 
 
-def fit_traced(views: Sequence[TracedView], priors: Sequence[SpectrumPrior],
+def fit_traced(views: Sequence[TracedView], priors: Sequence[tuple[np.ndarray, np.ndarray]],
                start: np.ndarray | None = None) -> TransportFit:
     """Most probable spectra of all views, fitted robustly.
 
@@ -144,15 +142,15 @@ def fit_traced(views: Sequence[TracedView], priors: Sequence[SpectrumPrior],
     Parameters
     ----------
     views : V views
-    priors : U of SpectrumPrior
-        In the order of ``unknown_materials``.
+    priors : U of (mean (N,), precision (N, N))
+        Of the coefficients of each material, in the order of ``unknown_materials``.
     start : (U, N) array, optional
         Coefficients from which the fit sets out.
     """
     bsdfs = [material.bsdf for material in unknown_materials([view.view for view in views])]
     materials = [tuple(bsdfs.index(material.bsdf) for material in view.view.unknown)
                  for view in views]
-    count = priors[0].mean.size
+    count = priors[0][0].size
     fit = fit_views([view.terms(count) for view in views], materials, priors, start)
     for _ in range(ROBUST_ROUNDS):
         terms = [view.terms(count, view.trust(solution))
@@ -187,17 +185,11 @@ BROAD = 1.0  # standard deviation of a coefficient around 0.5 by the prior, besi
 UNEXPLAINED = 0.01      # standard deviation of a coefficient that no learnt spectrum explains
 
 
-@dataclass(frozen=True, eq=False)
-class SpectrumPrior:
-    """Gaussian prior of the coefficients of one material."""
-
-    mean: np.ndarray                    # (N,)
-    precision: np.ndarray               # (N, N)
-
-
 def spectrum_prior(settings: InversionSettings, grid: WavelengthGrid,
-                   of_family: scenes.LearntSpectra | None = None) -> SpectrumPrior:
-    """Prior of the coefficients of an unknown material, as the settings choose it.
+                   of_family: scenes.LearntSpectra | None = None
+                   ) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (N,) and precision (N, N) of the coefficients of an unknown material before the photo is
+    seen, as the settings choose them.
 
     Parameters
     ----------
@@ -228,8 +220,8 @@ def spectrum_prior(settings: InversionSettings, grid: WavelengthGrid,
                         between @ learnt.covariance @ between.T)
 
 
-def smooth_prior(coefficients: int, smoothness: float) -> SpectrumPrior:
-    """Prior of N coefficients with small second differences, broadly around 0.5.
+def smooth_prior(coefficients: int, smoothness: float) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and precision of N coefficients with small second differences, broadly around 0.5.
 
     exp(-tau/2 |second differences|^2) with tau = smoothness (N - 3)^3: the same curvature of the
     spectrum for every N. Second differences are divided by the gaps of the Greville abscissae, so
@@ -250,12 +242,13 @@ def smooth_prior(coefficients: int, smoothness: float) -> SpectrumPrior:
         second[row, row:row + 3] = np.array([1 / left, -(1 / left + 1 / right),
                                              1 / right]) * mean_gap
     tau = smoothness * (coefficients - 3) ** 3
-    return SpectrumPrior(np.full(coefficients, 0.5),
-                         tau * second.T @ second + np.eye(coefficients) / BROAD**2)
+    return (np.full(coefficients, 0.5),
+            tau * second.T @ second + np.eye(coefficients) / BROAD**2)
 
 
-def learnt_prior(basis: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> SpectrumPrior:
-    """Prior of the coefficients from mean and covariance of measured reflectances.
+def learnt_prior(basis: np.ndarray, mean: np.ndarray,
+                 covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and precision of the coefficients by mean and covariance of measured reflectances.
 
     Parameters
     ----------
@@ -267,7 +260,7 @@ def learnt_prior(basis: np.ndarray, mean: np.ndarray, covariance: np.ndarray) ->
     to_coefficients = np.linalg.pinv(basis)
     spread = to_coefficients @ covariance @ to_coefficients.T + UNEXPLAINED**2 * np.eye(
         basis.shape[1])
-    return SpectrumPrior(to_coefficients @ mean, np.linalg.inv(spread))
+    return to_coefficients @ mean, np.linalg.inv(spread)
 
 
 def greville_abscissae(coefficients: int) -> np.ndarray:
@@ -306,14 +299,15 @@ class TransportFit:
 
 
 def fit_views(views: Sequence[view_terms.ViewTerms], materials: Sequence[tuple[int, ...]],
-              priors: Sequence[SpectrumPrior], start: np.ndarray | None = None) -> TransportFit:
+              priors: Sequence[tuple[np.ndarray, np.ndarray]],
+              start: np.ndarray | None = None) -> TransportFit:
     """Most probable coefficients of the materials that the views share.
 
     Parameters
     ----------
     views : V views
     materials : for each view, which of the U materials each of its unknown materials is
-    priors : U of SpectrumPrior
+    priors : U of (mean, precision)
     start : (U, N) array, optional
         Flat spectra where it is left out.
     """
@@ -348,9 +342,10 @@ class _Cost:
     """The cost of all views and priors, with its gradient and Gauss-Newton curvature."""
 
     def __init__(self, views: Sequence[view_terms.ViewTerms], materials: Sequence[tuple[int, ...]],
-                 priors: Sequence[SpectrumPrior]) -> None:
-        self.views, self.spectra, self.unknown = views, priors, len(priors)
-        coefficients = priors[0].mean.size
+                 priors: Sequence[tuple[np.ndarray, np.ndarray]]) -> None:
+        means, self.precisions = (np.array(each) for each in zip(*priors, strict=True))
+        self.views = views
+        self.unknown, coefficients = means.shape
         self.count = self.unknown * coefficients
         self.index, end = [], self.count     # of each view's state in the whole state
         for view, indices in zip(views, materials, strict=True):
@@ -361,12 +356,11 @@ class _Cost:
             end += extra
         self.size = end
         self.prior = np.zeros((end, end))
-        self.prior[:self.count, :self.count] = block_diagonal(
-            *(prior.precision for prior in priors))
+        self.prior[:self.count, :self.count] = block_diagonal(*self.precisions)
         for view, index in zip(views, self.index, strict=True):
             self.prior[np.ix_(index[view.count:], index[view.count:])] = view.prior
         self.centre = np.zeros(end)
-        self.centre[:self.count] = np.concatenate([prior.mean for prior in priors])
+        self.centre[:self.count] = means.ravel()
 
     def step(self, state: np.ndarray, gradient: np.ndarray, curvature: np.ndarray,
              damping: float) -> np.ndarray:
@@ -418,8 +412,7 @@ class _Cost:
             added_later[index[view.gain]] = added_later[index[view.free_scale]] = True
         return TransportFit(
             state[:self.count].reshape(self.unknown, -1), covariance[:self.count, :self.count],
-            information + held, pull - held @ state, added_later,
-            np.array([prior.precision for prior in self.spectra]),
+            information + held, pull - held @ state, added_later, self.precisions,
             tuple(view.solution(state[index], covariance[np.ix_(index, index)])
                   for view, index in zip(self.views, self.index, strict=True)), costs, outcome)
 
@@ -442,19 +435,6 @@ HIDDEN_ERROR = 0.25
 MIN_SINGULAR = 1e-6     # of the largest singular value: below, bands repeat each other
 # information of the photo over that of the prior, above which a direction is the photo's
 MIN_RATIO = 1.0
-
-
-@dataclass(frozen=True)
-class Identifiability:
-    """Of one material: how many directions of its N coefficients the photo determines."""
-
-    material: str
-    by_photo: int            # directions of which the photo holds more information than the prior
-    by_colour: int  # of these, as many as the camera has bands at most: read off the surface itself
-    by_interreflection: int  # the others: only light from other surfaces determines them
-    by_prior: int            # left to the prior
-    # (N,) information of the photo / of the prior along each direction, the best determined first
-    ratio: np.ndarray
 
 
 def band_signals(fit: TransportFit, operator: np.ndarray,
@@ -504,53 +484,49 @@ def band_signals(fit: TransportFit, operator: np.ndarray,
     return np.array(signals), np.array(covariances)
 
 
-def identifiability(fit: TransportFit, materials: tuple[str, ...],
-                    operator: np.ndarray) -> tuple[Identifiability, ...]:
-    """Which directions of which material the photo determines, all else being unknown as well.
+def identifiability(fit: TransportFit) -> np.ndarray:
+    """Information (U, N) of the photo over that of the prior along each direction of the
+    coefficients of a material, the best determined first, all else being unknown as well.
 
     Other materials and all nuisances are marginalised.
-
-    Parameters
-    ----------
-    fit : TransportFit
-    materials : U names of the unknown materials
-    operator : (K, N) array
-        Relative signal of the coefficients.
-
-    Returns
-    -------
-    U of Identifiability
     """
-    count = operator.shape[1]
-    size = count * len(materials)
+    materials, count = fit.coefficients.shape
+    size = materials * count
     cross = fit.information[:size, size:]
     # nuisances marginalised; then, material by material, all others
     photo = fit.information[:size, :size] - cross @ np.linalg.pinv(
         fit.information[size:, size:], hermitian=True) @ cross.T
     posterior = np.linalg.inv(photo + block_diagonal(*fit.prior_precision))
-    answers = []
-    for index, name in enumerate(materials):
+    ratios = np.empty((materials, count))
+    for index, prior in enumerate(fit.prior_precision):
         own = slice(index * count, (index + 1) * count)
-        prior = fit.prior_precision[index]
         root = np.linalg.cholesky(prior)
         information = np.linalg.inv(posterior[own, own]) - prior
         whitened = np.linalg.solve(root, np.linalg.solve(root, information).T)
-        ratio = np.linalg.eigvalsh((whitened + whitened.T) / 2)[::-1]
-        by_photo = int(np.count_nonzero(ratio > MIN_RATIO))
-        colour = min(by_photo, np.linalg.matrix_rank(operator))
-        answers.append(Identifiability(name, by_photo, int(colour), by_photo - int(colour),
-                                       count - by_photo, np.maximum(ratio, 0.0)))
-    return tuple(answers)
+        ratios[index] = np.linalg.eigvalsh((whitened + whitened.T) / 2)[::-1]
+    return np.maximum(ratios, 0.0)
 
 
-def determined(materials: tuple[Identifiability, ...]) -> tuple[Finding, ...]:
+def determined(materials: Sequence[str], ratios: np.ndarray,
+               operator: np.ndarray) -> tuple[Finding, ...]:
     """How much of the spectrum of each material is measured, and how much assumed.
+
+    As many directions as the camera has bands, at most, are read off the surface itself; only light
+    from other surfaces determines more.
 
     Parameters
     ----------
-    materials : U of Identifiability
+    materials : U names
+    ratios : (U, N) array
+        As of ``identifiability``.
+    operator : (K, N) array
+        Relative signal of the coefficients.
     """
-    return tuple(Finding("fit.determined", Severity.INFO, item.material, {
-        "coefficients": int(item.ratio.size), "by_photo": item.by_photo,
-        "by_colour": item.by_colour, "by_interreflection": item.by_interreflection,
-        "by_prior": item.by_prior}) for item in materials)
+    found = []
+    for name, ratio in zip(materials, ratios, strict=True):
+        by_photo = int(np.count_nonzero(ratio > MIN_RATIO))
+        by_colour = min(by_photo, int(np.linalg.matrix_rank(operator)))
+        found.append(Finding("fit.determined", Severity.INFO, name, {
+            "coefficients": ratio.size, "by_photo": by_photo, "by_colour": by_colour,
+            "by_interreflection": by_photo - by_colour, "by_prior": ratio.size - by_photo}))
+    return tuple(found)

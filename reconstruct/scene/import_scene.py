@@ -10,7 +10,6 @@ import copy
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 
 from spectrabox.radiometry.errors import InputError
@@ -242,16 +241,8 @@ OLD_TYPES = {"bsdf": {"roughdiffuse": "diffuse"},
              "film": dict.fromkeys(("ldrfilm", "mfilm", "tiledhdrfilm"), "hdrfilm")}
 
 
-@dataclass(frozen=True)
-class IncludedFiles:
-    """Files that a scene includes, and what is wrong with them; the lists grow as they are read."""
-
-    files: list[Path] = field(default_factory=list)         # included
-    folders: list[Path] = field(default_factory=list)       # in which files are looked for
-    problems: list[str] = field(default_factory=list)
-
-
-def resolve_includes(root: ET.Element, scene: Path, inside: Path | None = None) -> IncludedFiles:
+def resolve_includes(root: ET.Element, scene: Path, inside: Path | None = None
+                     ) -> tuple[list[Path], list[Path], list[str]]:
     """Replace every <include> and <path> of a <scene>, in place, and bring names up to date.
 
     Parameters
@@ -262,8 +253,17 @@ def resolve_includes(root: ET.Element, scene: Path, inside: Path | None = None) 
         Its file.
     inside : Path, optional
         Included files must lie in here; None allows any.
+
+    Returns
+    -------
+    files : list of Path
+        That are included.
+    folders : list of Path
+        In which files are looked for.
+    problems : list of str
+        What is wrong with them.
     """
-    included = IncludedFiles(folders=[scene.parent])
+    files, folders, problems = list[Path](), [scene.parent], list[str]()
     _upgrade(root)
     elements = sum(1 for _ in root.iter())
     while (node := next((child for child in root if child.tag in ("include", "path")), None)
@@ -272,34 +272,33 @@ def resolve_includes(root: ET.Element, scene: Path, inside: Path | None = None) 
         root.remove(node)
         if node.tag == "path":
             folder = scene.parent / substitute_defaults(node.get("value", ""), defaults)
-            included.folders.append(folder)
+            folders.append(folder)
             continue
         name = substitute_defaults(node.get("filename", ""), defaults)
-        file = find_file(name, included.folders)
+        file = find_file(name, folders)
         if file is None:
-            included.problems.append(f"includes {name!r}, which is missing; copy it next to the "
-                                     "scene")
+            problems.append(f"includes {name!r}, which is missing; copy it next to the scene")
             continue
         if inside is not None and not file.resolve().is_relative_to(inside.resolve()):
-            included.problems.append(f"includes {name!r}, which lies outside the session folder; "
-                                     "copy it into scene/")
+            problems.append(f"includes {name!r}, which lies outside the session folder; copy it "
+                            "into scene/")
             continue
-        if len(included.files) == MAX_INCLUDES:
-            included.problems.append(f"includes more than {MAX_INCLUDES} files; {name!r} may "
-                                     "include itself")
+        if len(files) == MAX_INCLUDES:
+            problems.append(f"includes more than {MAX_INCLUDES} files; {name!r} may include "
+                            "itself")
             break
-        included.files.append(file)
-        included.folders.append(file.parent)
-        if (part := _scene_of(file, included)) is not None:
+        files.append(file)
+        folders.append(file.parent)
+        if (part := _scene_of(file, problems)) is not None:
             _upgrade(part)
             elements += sum(1 for _ in part.iter())
             if elements > plugins.MAX_ELEMENTS:
-                included.problems.append(f"has more than {plugins.MAX_ELEMENTS} elements with what "
-                                         "it includes; put its geometry into meshes")
+                problems.append(f"has more than {plugins.MAX_ELEMENTS} elements with what it "
+                                "includes; put its geometry into meshes")
                 break
             for index, child in enumerate(list(part)):
                 root.insert(position + index, child)
-    return included
+    return files, folders, problems
 
 
 def defaults_of(root: ET.Element) -> dict[str, str]:
@@ -367,15 +366,15 @@ def find_file(name: str, folders: list[Path]) -> Path | None:
                  if is_there(folder / name) and (folder / name).is_file()), None)
 
 
-def _scene_of(file: Path, included: IncludedFiles) -> ET.Element | None:
+def _scene_of(file: Path, problems: list[str]) -> ET.Element | None:
+    """An included scene; None, and one more of the problems, where it is none."""
     try:
         root = plugins.parse_xml(read_text(file), file.name)
     except (InputError, OSError, ValueError) as error:
-        included.problems.append(f"includes {file.name!r}, which cannot be read: {error}")
+        problems.append(f"includes {file.name!r}, which cannot be read: {error}")
         return None
     if root.tag != "scene":
-        included.problems.append(f"includes {file.name!r}, whose root is <{root.tag}>; <scene> is "
-                              "needed")
+        problems.append(f"includes {file.name!r}, whose root is <{root.tag}>; <scene> is needed")
         return None
     return root
 

@@ -38,26 +38,16 @@ MIN_REGIONS = 12
 MIN_SIGNAL = 0.01       # of a band's median signal
 MIN_LIT = 0.5           # of the regions, that a step for the derivative must leave lit
 MAX_ERROR = 0.5         # of the surfaces' extent: above, the position is not known at all
+# relative standard deviations of what the model of the photo does not know
+SURFACE_ERROR = 0.01    # of each surface in all bands: uneven paint, pose
+PAINT_ERROR = 0.02      # of each material in each band: its known reflectance
+BLOCK_ERROR = 0.005     # of each block of pixels besides its noise
 
 UNDETERMINED = ("the photo does not tell where the light is: brightness hardly changes when it "
                 "moves; photograph surfaces nearer to it, in several directions")
 LAMP_HIDDEN = ("moved a little way, the light goes behind a surface and leaves most of the scene "
                "dark, so its position cannot be refined: it hangs too close to a wall or ceiling; "
                "measure it")
-
-
-@dataclass(frozen=True)
-class PositionSettings:
-    """What the model of the photo does not know, as relative standard deviations; and tracing."""
-
-    surface_error: float = 0.01     # of each surface in all bands: uneven paint, pose
-    paint_error: float = 0.02       # of each material in each band: its known reflectance
-    block_error: float = 0.005      # of each block of pixels besides its noise
-    spp: int = 256                  # paths per pixel of each trace
-    seed: int = 0
-
-
-DEFAULTS = PositionSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +68,7 @@ class LightPosition(shaped.Record):
 
 def refine_light_position(scene_file: SceneFile, reflectances: Mapping[str, np.ndarray],
                           response: np.ndarray, photo: LinearImage, light_id: str | None = None,
-                          settings: PositionSettings = DEFAULTS,
+                          spp: int = 256, seed: int = 0,
                           progress: Progress = lambda *_: None) -> LightPosition:
     """Offset of a light, with the standard error of the Gauss-Newton Hessian.
 
@@ -93,7 +83,9 @@ def refine_light_position(scene_file: SceneFile, reflectances: Mapping[str, np.n
         At the render's size, (H, W, K).
     light_id : str or None
         None takes the scene's only light.
-    settings : PositionSettings
+    spp : int
+        Paths per pixel of each trace.
+    seed : int
     progress : function of (fraction done, what is being done)
 
     Raises
@@ -104,10 +96,21 @@ def refine_light_position(scene_file: SceneFile, reflectances: Mapping[str, np.n
     CalibrationError
         If the photo does not tell where the light is, or a step puts it behind a surface.
     """
-    scene = _MovableLight(scene_file, edit_scene.light_number(scene_file, light_id),
-                          _require_reflectances(scene_file, reflectances),
-                          (photo.signal.shape[1], photo.signal.shape[0]))
-    unmoved = scene.unit(np.zeros(3))
+    number = edit_scene.light_number(scene_file, light_id)
+    bsdfs = _require_reflectances(scene_file, reflectances)
+    size = photo.signal.shape[1], photo.signal.shape[0]
+
+    def unit(offset: np.ndarray) -> UnitScene:
+        """The scene with its light moved by ``offset`` (3,), open, with unit spectra."""
+        ones = np.ones(2)
+        scene = load_scene(scene_xml(edit_scene.with_light_moved(scene_file, number, offset),
+                                     reflectances=dict.fromkeys(bsdfs, ones),
+                                     light=stated.strengths(scene_file),
+                                     bands={"one": ones}, range_nm=(400.0, 700.0), size=size))
+        return UnitScene(scene, {bsdf: bsdf for bsdf in bsdfs}, size, scene_file.max_depth - 1,
+                         profiles=scene_file.profiles)
+
+    unmoved = unit(np.zeros(3))
     surface = surfaces.surface_map(unmoved.scene, tuple(scene_file.surfaces), unmoved.size)
     floor = MIN_SIGNAL * np.median(photo.signal, axis=(0, 1))
     usable = ~photo.saturated.any(axis=2) & np.all(photo.signal > floor, axis=2)
@@ -120,11 +123,11 @@ def refine_light_position(scene_file: SceneFile, reflectances: Mapping[str, np.n
     measured = surfaces.region_means(photo.signal.astype(float), region)
     noise = surfaces.region_means(photo.variance.astype(float), region)
     noise /= np.bincount(region[region >= 0])[:, None]
-    spectra = np.array([reflectances[bsdf] for bsdf in scene.bsdfs])
+    spectra = np.array([reflectances[bsdf] for bsdf in bsdfs])
 
     def rendered(offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Signal (R, K), and its relative Monte Carlo variance (R,)."""
-        traced = trace_transport(scene.unit(offset), region, spp=settings.spp, seed=settings.seed)
+        traced = trace_transport(unit(offset), region, spp=spp, seed=seed)
         received = interreflection.signal(traced.coefficients, traced.exponents, spectra, response)
         return received, traced.relative_variance
 
@@ -133,14 +136,14 @@ def refine_light_position(scene_file: SceneFile, reflectances: Mapping[str, np.n
     if np.count_nonzero(kept) < MIN_REGIONS:
         raise InputError(f"{scene_file.path.name}: the light reaches {np.count_nonzero(kept)} of "
                          f"{kept.size} blocks that the photo shows; check where the scene has it")
-    whiten = whitening(monte_carlo[kept] + settings.block_error**2,
+    whiten = whitening(monte_carlo[kept] + BLOCK_ERROR**2,
                         noise[kept] / measured[kept] ** 2)
-    materials = [scene.bsdfs.index(bsdf)
+    materials = [bsdfs.index(bsdf)
                  for bsdf in np.array(list(scene_file.surfaces.values()))[group[kept]]]
-    nuisance = _nuisance(group[kept], np.array(materials), response.shape[0], settings)
+    nuisance = _nuisance(group[kept], np.array(materials), response.shape[0])
     target = np.log(measured[kept])
     offset, offsets, slopes = np.zeros(3), [np.zeros(3)], np.zeros((3, *target.shape))
-    before = _solve(target - np.log(now[kept]), slopes[:0], whiten, nuisance).misfit
+    _, _, before = _solve(target - np.log(now[kept]), slopes[:0], whiten, nuisance)
     outcome = Outcome.STEP_LIMIT
     for iteration in range(ITERATIONS):
         progress(iteration / ITERATIONS, f"light moved by {np.linalg.norm(offset):.3g}")
@@ -151,46 +154,26 @@ def refine_light_position(scene_file: SceneFile, reflectances: Mapping[str, np.n
                 raise CalibrationError(LAMP_HIDDEN)
             ahead, behind = np.log(np.maximum(ends, TINY)).swapaxes(0, 1)
             slopes = (ahead - behind) / (2 * STEP * extent)
-        fit = _solve(target - np.log(np.maximum(now[kept], TINY)), slopes, whiten, nuisance)
-        if not np.all(np.diag(fit.covariance) < (MAX_ERROR * extent) ** 2):
+        solution, covariance, misfit = _solve(target - np.log(np.maximum(now[kept], TINY)), slopes,
+                                              whiten, nuisance)
+        variance = np.diag(covariance)[:3]
+        if not np.all(variance < (MAX_ERROR * extent) ** 2):
             raise CalibrationError(UNDETERMINED)
-        length = max(float(np.linalg.norm(fit.move)), TINY)
-        move = fit.move * min(1.0, MAX_MOVE * extent / length)
+        length = max(float(np.linalg.norm(solution[:3])), TINY)
+        move = solution[:3] * min(1.0, MAX_MOVE * extent / length)
         # Back and forth for ever, where kept slopes are a little too flat: half the way is between.
         if iteration >= NEW_SLOPES and move @ (offsets[-1] - offsets[-2]) < 0:
             move = move / 2
         offset = offset + move
         offsets.append(offset)
         now = rendered(offset)[0]
-        if np.all(np.abs(move) < SMALL_MOVE * np.sqrt(np.diag(fit.covariance))):
+        if np.all(np.abs(move) < SMALL_MOVE * np.sqrt(variance)):
             outcome = Outcome.CONVERGED
             break
-    value = float(np.exp(fit.log_scale))
-    return LightPosition(scene_file.light_ids[scene.number], offset,
-                         np.sqrt(np.diag(fit.covariance)), fit.covariance, value,
-                         value * fit.log_scale_error, before, fit.misfit, np.array(offsets),
-                         outcome)
-
-
-@dataclass(frozen=True)
-class _MovableLight:
-    """A scene whose light ``number`` can be moved."""
-
-    scene_file: SceneFile
-    number: int
-    bsdfs: tuple[str, ...]
-    size: tuple[int, int]
-
-    def unit(self, offset: np.ndarray) -> UnitScene:
-        """The scene with its light moved by ``offset`` (3,), open, with unit spectra."""
-        ones = np.ones(2)
-        scene = load_scene(scene_xml(edit_scene.with_light_moved(self.scene_file, self.number,
-                                                                 offset),
-                                     reflectances=dict.fromkeys(self.bsdfs, ones),
-                                     light=stated.strengths(self.scene_file),
-                                     bands={"one": ones}, range_nm=(400.0, 700.0), size=self.size))
-        return UnitScene(scene, {bsdf: bsdf for bsdf in self.bsdfs}, self.size,
-                         self.scene_file.max_depth - 1, profiles=self.scene_file.profiles)
+    value = float(np.exp(solution[3]))
+    return LightPosition(scene_file.light_ids[number], offset, np.sqrt(variance),
+                         covariance[:3, :3], value, value * float(np.sqrt(covariance[3, 3])),
+                         before, misfit, np.array(offsets), outcome)
 
 
 def _extent(scene: Any, scene_file: SceneFile) -> float:
@@ -213,18 +196,10 @@ def whitening(common: np.ndarray, own: np.ndarray) -> np.ndarray:
     return np.asarray(np.linalg.inv(np.linalg.cholesky(shared + alone)))
 
 
-@dataclass(frozen=True)
-class _Step:
-    move: np.ndarray
-    covariance: np.ndarray
-    log_scale: float
-    log_scale_error: float
-    misfit: float
-
-
 def _solve(residual: np.ndarray, slopes: np.ndarray, whiten: np.ndarray,
-           nuisance: np.ndarray) -> _Step:
-    """Weighted least-squares step in offset, brightness and nuisances, from residuals (R, K).
+           nuisance: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Weighted least-squares step in offset and log brightness (4,), from residuals (R, K), with
+    its covariance (4, 4) and the misfit per degree of freedom.
 
     ``whiten`` (R, K, K) makes the residuals of each block independent and of variance 1; nuisances
     have a prior of variance 1. Slopes are (3, R, K), or none of them: the light stays where it is.
@@ -242,16 +217,14 @@ def _solve(residual: np.ndarray, slopes: np.ndarray, whiten: np.ndarray,
     solution = covariance @ rows.T @ wanted
     misfit = float(np.sum((wanted - rows @ solution) ** 2)) / max(residual.size - free - 1, 1)
     covariance *= max(misfit, 1.0)
-    return _Step(solution[:free], covariance[:free, :free], float(solution[free]),
-                 float(np.sqrt(covariance[free, free])), misfit)
+    return solution[:free + 1], covariance[:free + 1, :free + 1], misfit
 
 
-def _nuisance(group: np.ndarray, material: np.ndarray, bands: int,
-              settings: PositionSettings) -> np.ndarray:
+def _nuisance(group: np.ndarray, material: np.ndarray, bands: int) -> np.ndarray:
     """Columns (R, K, U): a standard deviation of each surface's brightness, each material's bands.
     """
-    surfaces = settings.surface_error * (group[:, None] == np.unique(group)[None])
-    paints = settings.paint_error * (material[:, None] == np.unique(material)[None])
+    surfaces = SURFACE_ERROR * (group[:, None] == np.unique(group)[None])
+    paints = PAINT_ERROR * (material[:, None] == np.unique(material)[None])
     columns = np.hstack([np.repeat(surfaces, bands, axis=0), np.kron(paints, np.eye(bands))])
     return columns.reshape(len(group), bands, -1)
 

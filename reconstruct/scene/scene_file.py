@@ -183,13 +183,13 @@ def scene_of_text(text: str, path: Path, folder: Path | None = None) -> SceneFil
         As of ``read_scene``.
     """
     root = parse_scene(text, path)
-    included = import_scene.resolve_includes(root, path, folder)
+    included, folders, problems = import_scene.resolve_includes(root, path, folder)
     defaults = import_scene.defaults_of(root)
     for node in root.iter():        # as $integrator of scenes that offer several
         if "$" in node.get("type", ""):
             node.set("type", import_scene.substitute_defaults(node.get("type", ""), defaults))
     foreign, left_out = import_scene.make_foreign_bsdfs_diffuse(root)
-    problems = [f"{path.name} {problem}" for problem in included.problems]
+    problems = [f"{path.name} {problem}" for problem in problems]
     problems += [f"{path.name}: {problem}" for problem in foreign]
     # normalise_scene says what else is possible for shapes and emitters
     problems += [f"{path.name}: {problem}"
@@ -205,7 +205,8 @@ def scene_of_text(text: str, path: Path, folder: Path | None = None) -> SceneFil
         node for texture in root.iter("texture") if texture.get("name") in import_scene.COLOURING
         for node in texture.iter("string")
     ] if problems else []
-    files, missing = _named_files(root, path, included, folder, pictures)
+    named, missing = _named_files(root, path, folders, folder, pictures)
+    files = tuple(dict.fromkeys(file.resolve() for file in (*included, *named)))
     lights = list(root.iter("emitter"))
     if not lights:
         missing.append(
@@ -338,13 +339,12 @@ def parse_scene(text: str, path: Path, comments: bool = False) -> ET.Element:
     return root
 
 
-def _named_files(root: ET.Element, path: Path, included: import_scene.IncludedFiles,
-                 folder: Path | None,
-                 left_out: list[ET.Element]) -> tuple[tuple[Path, ...], list[str]]:
+def _named_files(root: ET.Element, path: Path, folders: list[Path], folder: Path | None,
+                 left_out: list[ET.Element]) -> tuple[list[Path], list[str]]:
     """The files that a scene names, which it then names by the way to them, and sentences about
     those that cannot be used.
     """
-    defaults, files, problems = import_scene.defaults_of(root), [*included.files], []
+    defaults, files, problems = import_scene.defaults_of(root), list[Path](), list[str]()
     missing: list[str] = []
     nodes = [(node, attribute) for node, attribute in plugins.file_attributes(root)
              if node not in left_out]
@@ -355,7 +355,7 @@ def _named_files(root: ET.Element, path: Path, included: import_scene.IncludedFi
             problems.append(f"{path.name} names the file {name!r} through a variable; write its "
                             "path out")
             continue
-        file = import_scene.find_file(name, included.folders)
+        file = import_scene.find_file(name, folders)
         target = (file or path.parent / name).resolve()
         if folder is not None and not target.is_relative_to(folder.resolve()):
             problems.append(f"{path.name} names {name!r}, which lies outside the session folder; "
@@ -373,7 +373,7 @@ def _named_files(root: ET.Element, path: Path, included: import_scene.IncludedFi
         more = f" and {len(missing) - SHOWN} more" if len(missing) > SHOWN else ""
         problems.append(f"{path.name} names {len(missing)} files that are missing: "
                         f"{', '.join(map(repr, missing[:SHOWN]))}{more}")
-    return tuple(dict.fromkeys(file.resolve() for file in files)), problems
+    return files, problems
 
 
 def _profiles(root: ET.Element, path: Path) -> dict[str, np.ndarray]:

@@ -6,7 +6,6 @@ error of the model, which pulls every spectrum down by its relative variance.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,15 +16,6 @@ RAYS_AT_ONCE = 1 << 21      # of a large photo, some rows at a time
 # above, wider blocks: nothing in a diffuse scene varies faster than such a block
 MAX_REGIONS = 1024
 MIN_BLOCK = 4           # pixels
-
-
-@dataclass(frozen=True, eq=False)
-class Hits:
-    """What n pixels show in their middle."""
-
-    uv: np.ndarray          # (n, 2) texture coordinates
-    area: np.ndarray        # (n,) that a pixel covers of the surface, up to one factor
-    point: np.ndarray       # (n, 3)
 
 
 def surface_map(scene: Any, names: tuple[str, ...], size: tuple[int, int]) -> np.ndarray:
@@ -69,8 +59,10 @@ def surface_map(scene: Any, names: tuple[str, ...], size: tuple[int, int]) -> np
     return surface_index
 
 
-def hits_of(scene: Any, size: tuple[int, int], row: np.ndarray, column: np.ndarray) -> Hits:
-    """What some pixels show.
+def hits_of(scene: Any, size: tuple[int, int], row: np.ndarray,
+            column: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What n pixels show in their middle: the point (n, 3), the area (n,) that the pixel covers of
+    the surface, up to one factor, and the texture coordinates (n, 2).
 
     Parameters
     ----------
@@ -81,7 +73,7 @@ def hits_of(scene: Any, size: tuple[int, int], row: np.ndarray, column: np.ndarr
         There may be none.
     """
     if not np.size(row):            # which Dr.Jit refuses to calculate with
-        return Hits(np.empty((0, 2)), np.empty(0), np.empty((0, 3)))
+        return np.empty((0, 3)), np.empty(0), np.empty((0, 2))
     import drjit as dr
     import mitsuba as mi
 
@@ -89,7 +81,7 @@ def hits_of(scene: Any, size: tuple[int, int], row: np.ndarray, column: np.ndarr
     ray, _ = scene.sensors()[0].sample_ray(0.0, 0.5, position, mi.Point2f(0.5))
     hit = scene.ray_intersect(mi.Ray3f(ray))
     area = dr.select(hit.is_valid(), dr.square(hit.t) / dr.maximum(dr.abs(hit.wi.z), 1e-3), 0.0)
-    return Hits(np.array(hit.uv).T.reshape(-1, 2), np.array(area), np.array(hit.p).T.reshape(-1, 3))
+    return np.array(hit.p).T.reshape(-1, 3), np.array(area), np.array(hit.uv).T.reshape(-1, 2)
 
 
 def block_regions(surface: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -54,22 +54,12 @@ STAGES = (Stage(0, 40, 0.03, 19.0, 8), Stage(1, 40, 0.02, 19.0, 8), Stage(1, 50,
 SPHERE_LEVEL = 3    # of subdivision of the icosahedron: 642 vertices
 
 
-@dataclass(frozen=True)
-class ShapeSettings:
-    """Stages of the fit, coefficients of each spectrum and seed."""
-
-    coefficients: int = 9
-    stages: tuple[Stage, ...] = STAGES  # coarse to fine
-    seed: int = 1
-
-
 @dataclass(frozen=True, eq=False)
 class ShapeReconstruction:
     """A closed mesh in the scenes' coordinates and the spectra of its M paints."""
 
     vertices: np.ndarray        # (V, 3)
     faces: np.ndarray           # (F, 3) anticlockwise seen from outside
-    coefficients: np.ndarray    # (M, N)
     spectra: np.ndarray         # (M, P) reflectance on the calibration's grid
     # mean over the views of a step of the squared error, in squares of the brightest pixel
     loss_history: np.ndarray
@@ -90,8 +80,9 @@ def sphere(centre: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def reconstruct_shape(views: Sequence[PhotoView], shape_id: str, vertices: np.ndarray,
-                      faces: np.ndarray, painted: paints.PaintLabels, settings: ShapeSettings,
-                      progress: Progress, checkpoint: Path | None = None) -> ShapeReconstruction:
+                      faces: np.ndarray, painted: paints.PaintLabels, stages: tuple[Stage, ...],
+                      settings: InversionSettings, progress: Progress,
+                      checkpoint: Path | None = None) -> ShapeReconstruction:
     """Mesh and spectra that explain several photos of one object.
 
     Parameters
@@ -106,7 +97,10 @@ def reconstruct_shape(views: Sequence[PhotoView], shape_id: str, vertices: np.nd
         Anticlockwise seen from outside.
     painted : PaintLabels
         Where the photos show its paints.
-    settings : ShapeSettings
+    stages : tuple of Stage
+        Coarse to fine.
+    settings : InversionSettings
+        Of which the number of coefficients and the seed count.
     progress : function of (fraction done, what is being done)
     checkpoint : Path, optional
         File that takes every finished stage, and from which a fit of the same photos, start mesh
@@ -116,16 +110,16 @@ def reconstruct_shape(views: Sequence[PhotoView], shape_id: str, vertices: np.nd
     coefficients = np.empty(0)
     losses: list[float] = []
     history: list[float] = []
-    total = sum(stage.steps for stage in settings.stages)
+    total = sum(stage.steps for stage in stages)
     asked = "" if checkpoint is None else _digest(views, shape_id, vertices, faces, painted,
-                                                         settings)
+                                                  settings)
     finished = 0
-    if checkpoint is not None and (kept := _finished_stages(checkpoint, asked, settings)):
+    if checkpoint is not None and (kept := _finished_stages(checkpoint, asked, stages)):
         finished, vertices, faces, coefficients, losses = kept
-        history = losses[-settings.stages[finished - 1].steps:]
+        history = losses[-stages[finished - 1].steps:]
     with tempfile.TemporaryDirectory() as folder:
         done = 0
-        for number, stage in enumerate(settings.stages):
+        for number, stage in enumerate(stages):
             if number < finished:
                 done = stage.subdivisions
                 continue
@@ -153,16 +147,16 @@ def reconstruct_shape(views: Sequence[PhotoView], shape_id: str, vertices: np.nd
             if checkpoint is not None:
                 with whole_file(checkpoint) as unfinished, unfinished.open("wb") as stream:
                     np.savez(stream, asked=asked, finished=number + 1,
-                             stages=repr(settings.stages[:number + 1]), vertices=vertices,
+                             stages=repr(stages[:number + 1]), vertices=vertices,
                              faces=faces, coefficients=coefficients, losses=losses)
     outcome = Outcome.CONVERGED if stalled(history, len(history) // 2) else Outcome.STEP_LIMIT
-    return ShapeReconstruction(vertices, faces, coefficients,
+    return ShapeReconstruction(vertices, faces,
                                coefficients @ views[0].basis(settings.coefficients).T,
                                np.array(losses), outcome)
 
 
 def _digest(views: Sequence[PhotoView], shape_id: str, vertices: np.ndarray, faces: np.ndarray,
-            painted: paints.PaintLabels, settings: ShapeSettings) -> str:
+            painted: paints.PaintLabels, settings: InversionSettings) -> str:
     """SHA-256 of what decides a fit's bits but its stages."""
     digest = hashlib.sha256(repr((shape_id, settings.coefficients, settings.seed,
                                   len(painted.names))).encode())
@@ -178,7 +172,7 @@ def _digest(views: Sequence[PhotoView], shape_id: str, vertices: np.ndarray, fac
     return digest.hexdigest()
 
 
-def _finished_stages(checkpoint: Path, asked: str, settings: ShapeSettings
+def _finished_stages(checkpoint: Path, asked: str, stages: tuple[Stage, ...]
                      ) -> tuple[int, np.ndarray, np.ndarray, np.ndarray, list[float]] | None:
     """Stages that are finished, and mesh, coefficients and losses after them; None without a file
     of this fit.
@@ -186,8 +180,7 @@ def _finished_stages(checkpoint: Path, asked: str, settings: ShapeSettings
     try:
         with opened_npz(checkpoint) as stored:
             finished = int(stored["finished"])
-            if str(stored["asked"]) != asked or str(stored["stages"]) != repr(
-                    settings.stages[:finished]):
+            if str(stored["asked"]) != asked or str(stored["stages"]) != repr(stages[:finished]):
                 return None
             return (finished, stored["vertices"], stored["faces"], stored["coefficients"],
                     stored["losses"].tolist())

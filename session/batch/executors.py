@@ -54,20 +54,13 @@ Task = TypeVar("Task", bound=Work)
 
 
 @dataclass(frozen=True)
-class Capacity:
-    """Tasks that run at once, and memory for them; None where it is not known."""
-
-    workers: int
-    total_bytes: int | None         # of all workers together
-    worker_bytes: int | None        # of the largest; None where a worker alone may always try
-
-
-@dataclass(frozen=True)
 class Workers:
     """Workers, open between the two ends of a ``with`` block."""
 
     about: str                              # a line for the operator, or empty
-    capacity: Callable[[], Capacity]        # at present
+    # at present: tasks that run at once, and bytes of memory of all workers together and of the
+    # largest; None where they are not known, or a worker alone may always try
+    capacity: Callable[[], tuple[int, int | None, int | None]]
     new_executor: Callable[[int], Executor]     # of so many workers, in place of the one before
     killed: tuple[type[Exception], ...] = ()    # raised for a task of which workers died, tried
                                                 # again already
@@ -97,21 +90,21 @@ def run_tasks(workers: Workers, next_task: Callable[[], Task | None]
     Exception
         That a task raised.
     """
-    executor = workers.new_executor(workers.capacity().workers)
+    executor = workers.new_executor(workers.capacity()[0])
     running: dict[Future[Any], Task] = {}
     waits: Task | None = None           # for memory
     while True:
-        capacity = workers.capacity()
-        while len(running) < capacity.workers:
+        at_once, total_bytes, worker_bytes = workers.capacity()
+        while len(running) < at_once:
             task, waits = waits or next_task(), None
             if task is None:
                 break
-            if capacity.worker_bytes is not None and task.needed_bytes > capacity.worker_bytes:
+            if worker_bytes is not None and task.needed_bytes > worker_bytes:
                 yield task, EnvironmentProblem(
                     f"{_mib(task.needed_bytes)} of memory are needed and a worker has "
-                    f"{_mib(capacity.worker_bytes)}; give the workers more, then run the same "
+                    f"{_mib(worker_bytes)}; give the workers more, then run the same "
                     "command again")
-            elif running and capacity.total_bytes is not None and capacity.total_bytes < sum(
+            elif running and total_bytes is not None and total_bytes < sum(
                     each.needed_bytes for each in (task, *running.values())):
                 waits = task
                 break
@@ -131,7 +124,7 @@ def run_tasks(workers: Workers, next_task: Callable[[], Task | None]
             if isinstance(_error(future), DEATHS):
                 yield task, _result(_submitted(workers.new_executor(1), task), workers)
         if broken:
-            executor = workers.new_executor(capacity.workers)
+            executor = workers.new_executor(at_once)
 
 
 def _submitted(executor: Executor, task: Work) -> Future[Any]:
@@ -173,7 +166,7 @@ def _mib(count: int) -> str:
 @contextlib.contextmanager
 def open_processes(workers: int) -> Iterator[Workers]:
     """Processes of this machine, which are gone when the block ends."""
-    capacity = Capacity(workers, memory_for_workers(), None)
+    capacity = workers, memory_for_workers(), None
     with contextlib.ExitStack() as stack:
         def new_executor(count: int) -> Executor:
             stack.close()

@@ -6,7 +6,7 @@ from __future__ import annotations
 import os
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -33,17 +33,6 @@ PEAK, STATUS = Path("/proc/self/clear_refs"), Path("/proc/self/status")
 
 
 @dataclass(frozen=True)
-class Order:
-    """What a batch is to do."""
-
-    folders: tuple[Path, ...]
-    out: Path                   # the batch's folder
-    device: str                 # "auto", "cpu" or "cuda"
-    allow_outside: bool
-    program: str                # of ``program_of_batch``, where the batch began
-
-
-@dataclass(frozen=True)
 class Task:
     """A session to check or to run.
 
@@ -52,9 +41,12 @@ class Task:
     """
 
     folder: Path
-    order: Order
-    check: bool                 # only check it
-    needed_bytes: int           # of memory, with the program
+    out: Path                   # the batch's folder
+    device: str                 # "auto", "cpu" or "cuda"
+    allow_outside: bool
+    program: str                # of ``program_of_batch``, where the batch began
+    check: bool = False         # only check it
+    needed_bytes: int = 0       # of memory, with the program
 
     def __call__(self) -> overview.Outcome:
         """Check the session, or run it whole and write its report, on a worker.
@@ -64,7 +56,7 @@ class Task:
         """
         start, memory = time.perf_counter(), PeakMemory()
         try:
-            if overview.program_of_batch() != self.order.program:
+            if overview.program_of_batch() != self.program:
                 raise errors.EnvironmentProblem(
                     "this worker's program, packages or kept cameras are not "
                     "those that the batch began with: install the same, then "
@@ -81,11 +73,12 @@ class Task:
                        peak_bytes=memory.peak())
 
 
-def first_task(folder: Path, order: Order) -> Task:
-    """The first task of a session. Where its files cannot be read, running it says so."""
-    task = Task(folder, order, check=False, needed_bytes=0)
+def first_task(task: Task) -> Task:
+    """The first task of a session, with what it needs. Where its files cannot be read, running it
+    says so.
+    """
     try:
-        config = read_session(folder, order.allow_outside)
+        config = read_session(task.folder, task.allow_outside)
         return replace(task, check=INVERSION.name in kept_stages.stage_names(config),
                        needed_bytes=needed_bytes(config))
     except errors.SpectraboxError:
@@ -99,10 +92,9 @@ def failed(task: Task, sentence: str, exit_code: int) -> overview.Outcome:
 
 
 def _check(task: Task) -> overview.Outcome:
-    order = task.order
     with only_writer(task.folder, "spectrabox batch"):
-        result = problems.check_session(task.folder, order.allow_outside, order.device,
-                                 order.out / SHARED)
+        result = problems.check_session(task.folder, task.allow_outside, task.device,
+                                        task.out / SHARED)
     if result.problems:
         return failed(task, "\n".join(result.problems), min(result.problems.values()))
     return overview.Outcome(str(task.folder), "ready", task.folder.name,
@@ -113,14 +105,13 @@ def _run(task: Task) -> overview.Outcome:
     def quiet(stage: str, share: float, message: str) -> None:
         """A batch shows sessions, not stages."""
 
-    order = task.order
-    config = read_session(task.folder, order.allow_outside)
+    config = read_session(task.folder, task.allow_outside)
     with only_writer(config.folder, "spectrabox batch"):
-        finished = pipeline.run_stages(config, device=order.device, only=None, force=False,
-                                       progress=quiet, shared=order.out / SHARED)
+        finished = pipeline.run_stages(config, device=task.device, only=None, force=False,
+                                       progress=quiet, shared=task.out / SHARED)
         # as 'run' has it: the command that makes these results again
-        words = ["spectrabox", "run", task.folder.name, "--device", order.device]
-        facts, _, _, failed = outputs_of_run(config, finished, words, order.device, quiet)
+        words = ["spectrabox", "run", task.folder.name, "--device", task.device]
+        facts, _, _, failed = outputs_of_run(config, finished, words, task.device, quiet)
         files = overview.input_states(config)
         photo = metadata.photo_metadata(config.path(config.all_views[0].photo_files[0]))
         preview = shown_picture(config, finished.capture.views[0])
@@ -224,24 +215,21 @@ def session_folders(named: Iterable[Path], listed: Path | None) -> list[Path]:
     return list(dict.fromkeys(folders))
 
 
-def kept_outcomes(order: Order) -> dict[Path, overview.Outcome]:
+def kept_outcomes(tasks: Sequence[Task]) -> dict[Path, overview.Outcome]:
     """Outcomes of sessions that are up to date already, by folder."""
-    kept = {
-        folder: overview.stored_outcome(order.out, folder, order.program)
-        for folder in order.folders
-    }
+    kept = {task.folder: overview.stored_outcome(task.out, task.folder, task.program)
+            for task in tasks}
     return {folder: outcome for folder, outcome in kept.items() if outcome is not None}
 
 
-def run_batch(order: Order, waiting: list[Path],
+def run_batch(waiting: Sequence[Task],
               workers: executors.Workers) -> Iterator[overview.Outcome]:
     """Run sessions on workers.
 
     Parameters
     ----------
-    order : Order
-    waiting : list of Path
-        Sessions that are not up to date.
+    waiting : sequence of Task
+        Of sessions that are not up to date.
     workers : Workers
 
     Yields
@@ -255,7 +243,7 @@ def run_batch(order: Order, waiting: list[Path],
         If the workers are out of reach. What is stored then stays so.
     """
     # made one by one: a task is known only once its session has been read
-    new = (first_task(folder, order) for folder in waiting)
+    new = (first_task(task) for task in waiting)
     checked = deque[Task]()
     for task, result in executors.run_tasks(
             workers, lambda: checked.popleft() if checked else next(new, None)):
@@ -264,5 +252,5 @@ def run_batch(order: Order, waiting: list[Path],
         if outcome.state == "ready":
             checked.append(replace(task, check=False, needed_bytes=outcome.needed_bytes))
         else:
-            overview.store_outcome(order.out, outcome, order.program)
+            overview.store_outcome(task.out, outcome, task.program)
             yield outcome

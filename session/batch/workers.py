@@ -150,13 +150,13 @@ def open_cluster(address: str, workers: int,
                       (KilledWorker,))
 
 
-def _capacity(client: Any, memory: int | None) -> executors.Capacity:
+def _capacity(client: Any, memory: int | None) -> tuple[int, int | None, int | None]:
     """Of the workers that a scheduler has at present; of one to come where it has none."""
     workers = client.scheduler_info(n_workers=-1)["workers"].values()
     limits = [each["memory_limit"] for each in workers]
     known = limits and all(limits)
-    return executors.Capacity(max(1, sum(each["nthreads"] for each in workers)),
-                    sum(limits) if known else memory, max(limits) if known else None)
+    return (max(1, sum(each["nthreads"] for each in workers)),
+            sum(limits) if known else memory, max(limits) if known else None)
 
 
 def _of_workers(environment: dict[str, Any]) -> dict[str, Any]:

@@ -42,26 +42,27 @@ def batch(
     from spectrabox.session.batch.workers import open_workers
     from spectrabox.session.store.locks import sole_user
     from spectrabox.session.terminal.progress_display import progress_display
-    order = tasks.Order(tuple(tasks.session_folders(folders, listed)), out.resolve(), device,
-                        allow_outside, overview.program_of_batch())
-    with sole_user(order.out):
-        outcomes = tasks.kept_outcomes(order)
-        kept, waiting = len(outcomes), [each for each in order.folders if each not in outcomes]
+    out, program = out.resolve(), overview.program_of_batch()
+    sessions = [tasks.Task(folder, out, device, allow_outside, program)
+                for folder in tasks.session_folders(folders, listed)]
+    with sole_user(out):
+        outcomes = tasks.kept_outcomes(sessions)
+        kept, waiting = len(outcomes), [each for each in sessions if each.folder not in outcomes]
         used = 0
         try:
             with progress_display(quiet) as show, \
                     open_workers(cluster, workers, len(waiting), dashboard) as pool:
                 if pool.about and not quiet:
                     command_line.tell(pool.about)
-                used = pool.capacity().workers
-                progress = overview.BatchProgress(show, len(order.folders), kept,
+                used, _, _ = pool.capacity()
+                progress = overview.BatchProgress(show, len(sessions), kept,
                                                   not quiet and not sys.stderr.isatty())
-                for outcome in tasks.run_batch(order, waiting, pool):
+                for outcome in tasks.run_batch(waiting, pool):
                     outcomes[Path(outcome.folder)] = outcome
                     progress.add(outcome)
         finally:    # also of what is done when Ctrl-C ends it
-            ended = [outcomes[each] for each in order.folders if each in outcomes]
-            page = overview.write_page(order.out, ended, len(order.folders))
+            ended = [outcomes[each.folder] for each in sessions if each.folder in outcomes]
+            page = overview.write_page(out, ended, len(sessions))
     failed = [each.exit_code for each in ended if each.state == "failed"]
     return command_line.Answer(overview.batch_facts(ended, kept, page, used),
                                overview.batch_text(ended, kept, page), min(failed, default=0))

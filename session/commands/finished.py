@@ -25,12 +25,25 @@ def register(app: typer.Typer) -> None:
 
 
 @command_line.Command
-def advise(request: requests.AdviseRequest) -> command_line.Answer:
+def advise(
+    measured: requests.MeasuredSignal,
+    folder: Annotated[Path | None, typer.Argument(
+        metavar="[DIR]", help="A finished session, in place of --sensitivity, --light and "
+        "--signal.")] = None,
+    sensitivity: requests.OptionalSensitivity = None,
+    light: Annotated[str | None, typer.Option(
+        metavar="FILE|NAME", help="Of the signal: CSV of the light's spectrum, or a CIE "
+        "name.")] = None,
+    lamps: requests.Lamps = None,
+    filters: requests.Filters = None,
+    allow_outside: command_line.Outside = False,
+) -> command_line.Answer:
     """Say what to do next, and how much narrower each would make the bands: of a finished
     session, or of one signal.
     """
     from spectrabox.session.signals.advise_answer import advise_answer
-    return command_line.Answer(*advise_answer(request))
+    return command_line.Answer(*advise_answer(measured, sensitivity, light, lamps, filters, folder,
+                                              allow_outside))
 
 
 @command_line.Command

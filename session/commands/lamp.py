@@ -84,8 +84,7 @@ def light(
     with progress_display(as_json) as show:
         estimate = light_position.refine_light_position(
             written, paints, response, preview.bin_image(image, *size), light_id,
-            light_position.PositionSettings(spp=spp, seed=seed),
-            lambda done, message: show("light", done, message))
+            spp, seed, lambda done, message: show("light", done, message))
     refinement = edit_scene.Refinement(
         what="light", name=estimate.light,
         how="moved to explain the shading of surfaces of known reflectance in "

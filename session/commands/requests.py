@@ -101,22 +101,3 @@ class UpliftRequest:
         "--to", help="exr: spectral EXR, of scan lines or tiled-exr: of tiles; envi: ENVI images "
         "of single floats; zarr: OME-Zarr images, as napari opens them.")] = "exr"
     quiet: command_line.Quiet = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class AdviseRequest(MeasuredSignal):
-    """Options of ``spectrabox advise``."""
-
-    folder: Annotated[Path | None, typer.Argument(
-        metavar="[DIR]", help="A finished session, in place of --sensitivity, --light and "
-        "--signal.")] = None
-    sensitivity: OptionalSensitivity = None
-    light: Annotated[str | None, typer.Option(
-        metavar="FILE|NAME", help="Of the signal: CSV of the light's spectrum, or a CIE "
-        "name.")] = None
-    noise: Annotated[str | None, typer.Option(
-        metavar="E|E1,E2,E3", help="Standard error of the signal in its unit: one number for all "
-        "bands, or one for each.")] = None
-    lamps: Lamps = None
-    filters: Filters = None
-    allow_outside: command_line.Outside = False

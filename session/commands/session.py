@@ -95,11 +95,9 @@ def check(folder: command_line.Folder,
         text += f"\n{known_camera_words(checked.known_camera)}"
     memory = None if checked.tracing_bytes is None else {"tracing_bytes": checked.tracing_bytes,
                                                        "free_bytes": free_memory()}
-    forecast = checked.forecast
     exit_code = min(checked.problems.values(), default=0)
     facts = {"ready": not sentences, "problems": sentences, "memory": memory,
-             "engine": None if forecast is None else forecast.engine,
-             "seconds": None if forecast is None else forecast.seconds,
+             "engine": checked.engine, "seconds": checked.seconds,
              "findings": [texts.facts(one) for one in checked.findings],
              "known_camera": checked.known_camera}
     if sentences:       # the keys that every command answers an error with

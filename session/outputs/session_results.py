@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -40,15 +40,6 @@ class UsedFile:
         return {**file, "exposure_s": self.exposure_s, **self.facts, "clipped": self.clipped}
 
 
-@dataclass(frozen=True)
-class StageRun:
-    """A step of the session's last run."""
-
-    name: str
-    seconds: float
-    state: str                      # "run", "kept", or "copied"
-
-
 @dataclass(frozen=True, kw_only=True)
 class SessionResults:
     """What the report of a session shows; ``folder`` is the session folder."""
@@ -59,7 +50,8 @@ class SessionResults:
     operator: str
     notes: str
     inputs: tuple[UsedFile, ...]
-    stages: tuple[StageRun, ...]
+    # of the session's last run: name, seconds, and "run", "kept" or "copied"
+    stages: tuple[tuple[str, float, str], ...]
     sensitivity_truth: tuple[np.ndarray, np.ndarray] | None  # nm (P,), curves (K, P)
     # PNG of each whole object photo as the camera saw it, by view, "" the first
     previews: Mapping[str, Path]
@@ -77,9 +69,10 @@ class SessionResults:
         """The ``--json`` object of ``run``, ``demo`` and ``flat``."""
         return {"report": str(self.folder / "report.html"),
                 "spectra": str(self.folder / "spectra.csv"), **self.found.facts(),
-                "stages": [asdict(stage) for stage in self.stages],
-                "seconds": float(sum(stage.seconds for stage in self.stages
-                                     if stage.state == "run"))}
+                "stages": [{"name": name, "seconds": seconds, "state": state}
+                           for name, seconds, state in self.stages],
+                "seconds": float(sum(seconds for _, seconds, state in self.stages
+                                     if state == "run"))}
 
     def text(self) -> str:
         """The same for a person, with all tables; ``found.brief`` is its beginning."""
@@ -107,7 +100,7 @@ def session_results(config: SessionConfig, run: FinishedRun,
                         picture_folder(config)),
         folder=config.folder, name=config.session.name, operator=config.session.operator,
         notes=config.session.notes, inputs=_used_files(config, run),
-        stages=tuple(StageRun(name, stage.seconds, run.states[name])
+        stages=tuple((name, stage.seconds, run.states[name])
                      for name, stage in run.stored.items()),
         sensitivity_truth=_sensitivity_truth(config),
         previews={view.name: raw_picture(folder, view) for view in capture.views},

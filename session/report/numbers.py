@@ -39,7 +39,7 @@ def report_numbers(results: SessionResults) -> dict[str, Any]:
         "chart": None if result.chart is None else _chart(result, result.chart),
         "clipped_share": result.photo.clipped_share,
         "inputs": [file.numbers for file in results.inputs],
-        "stages": [vars(stage) for stage in results.stages], "warnings": result.warnings,
+        "stages": results.facts()["stages"], "warnings": result.warnings,
         "provenance": results.provenance, "made_from": results.input_digests,
         }
 
@@ -178,8 +178,9 @@ def _calibration(result: capture_result.CaptureResult,
 def _chart(result: capture_result.CaptureResult,
            chart: capture_result.ChartResult) -> dict[str, Any]:
     swatches = spectra.swatch_pairs(result)
-    return {"swatches": None if swatches is None else swatches.numbers, "prior": _fields(
-                chart.prior, "share", "families", "probabilities"),
+    return {"swatches": _fields(swatches, "measured", "predicted", "delta_e00", "from_others",
+                                "order"),
+            "prior": _fields(chart.prior, "share", "families", "probabilities"),
             "measured": chart.samples.mean, "standard_error": chart.samples.standard_error,
             "covariance_of_mean": chart.samples.covariance_of_mean,
             "saturated_fraction": chart.samples.saturated_fraction,

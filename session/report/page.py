@@ -3,7 +3,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -11,18 +10,25 @@ from typing import Any, TypeVar
 import jinja2
 from markupsafe import Markup
 
+from spectrabox.calibrate import chart_findings
 from spectrabox.measure import extras, plots, rules, texts, words
 from spectrabox.measure.extras import attempt, different
 from spectrabox.measure.results import capture_result, flat_result, methods, scene_result
+from spectrabox.radiometry.appearance import reflectance_to_srgb
 from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.findings import Finding
-from spectrabox.radiometry.records import calibration, scenes
+from spectrabox.radiometry.records.calibration import HeldOutPatches
 from spectrabox.session.outputs.session_results import SessionResults
-from spectrabox.session.report import figures, maps, sections, svg
+from spectrabox.session.report import figures, maps, svg
 from spectrabox.session.report.cards import Card, answer_cards, assumed_of_all, tested_families
 from spectrabox.session.report.numbers import flat_numbers, report_numbers, scene_numbers
 from spectrabox.session.report.pictures import json_for_script, picture_data_uri, picture_digest
-from spectrabox.session.report.spectra import light_figure, sensitivity_figure
+from spectrabox.session.report.spectra import (
+    css_colour,
+    light_figure,
+    sensitivity_figure,
+    swatch_pairs,
+)
 
 PAGE_NAME, NUMBERS_NAME = "report.html", "report.json"
 TEMPLATES = Path(__file__).parent / "templates"
@@ -30,7 +36,11 @@ PIECES = Path(__file__).parent.parent / "pieces"    # parts that the page of a s
 FILTERS = {"percent": words.percent, "signed_percent": words.signed_percent, "number": words.number,
            "name": texts.name, "says": texts.says, "shown": texts.shown, "limit": texts.limit,
            "sentence": texts.sentence, "paragraph": texts.paragraph,
-           "fixed": words.fixed, "exposure": words.exposure, "fact": words.fact, "lab": words.lab}
+           "fixed": words.fixed, "exposure": words.exposure, "fact": words.fact, "lab": words.lab,
+           "agreement_in": rules.agreement_in, "scale_words": methods.scale_words,
+           "surface_colours": lambda names: maps.surface_colours(len(names)),
+           "residual_limit": lambda fit: maps.residual_limit(maps.residual_maps(fit)),
+           "in_colour": lambda bands: zip(bands, plots.band_colours(bands), strict=True)}
 # a number and its unit stay on one line, "0.8 %" is written one way; not in scripts and styles
 UNITS = re.compile(r"<(script|style)\b.*?</\1>|>[^<]+", re.DOTALL)
 Kind = TypeVar("Kind", bound=Markup)
@@ -156,11 +166,9 @@ def _texts(*files: Path) -> Markup:
 def _flat_sections(result: flat_result.FlatResult, results: SessionResults,
                    links: Mapping[str, tuple[str, int]]) -> dict[str, Any]:
     """Photos with regions and light, for the templates."""
-    photos = [PhotoSection(photo, figures.photo_figure(
-                               f"photo-{number}", photo, results.previews[photo.view], links,
-                               results.calibrated.get(photo.view)),
-                           figures.light_figure(f"light-map-{number}", photo),
-                           _whiskers(photo), photo.view in results.calibrated)
+    photos = [(photo, figures.photo_figure(f"photo-{number}", photo, results.previews[photo.view],
+                                           links, results.calibrated.get(photo.view)),
+               figures.light_figure(f"light-map-{number}", photo), _whiskers(photo))
               for number, photo in enumerate(result.photos, start=1)]
     return {"photos": photos, "geometry": None}
 
@@ -176,10 +184,13 @@ def _scene_sections(result: scene_result.SceneResult, results: SessionResults,
                     links: Mapping[str, tuple[str, int]]) -> dict[str, Any]:
     """Photo against rendering, geometry, convergence, for the templates."""
     fit = result.reconstruction
-    views = [(name, _agreement_section(f"-{number}", made, calibration, result.bands),
+    views = [(name, maps.pair_figure(f"pair-{number}", made, calibration.sensitivity, result.bands),
+              maps.residual_figure(f"residuals-{number}", made, result.bands),
               light_figure(f"light-{number}", calibration.light, calibration.light_posterior))
              for number, (name, (calibration, made)) in enumerate(result.views.items(), start=2)]
-    return {"agreement": _agreement_section("", fit, result.calibration, result.bands),
+    return {"pair_figure": maps.pair_figure("pair", fit, result.calibration.sensitivity,
+                                            result.bands),
+            "residual_maps": maps.residual_figure("residuals", fit, result.bands),
             "surface_map": maps.surface_figure("surfaces", fit), "views": views,
             "linked_photo": maps.linked_photo("photo", fit, result.calibration, links),
             "geometry": maps.geometry_section(result.placements, result.marked_views,
@@ -187,15 +198,42 @@ def _scene_sections(result: scene_result.SceneResult, results: SessionResults,
             "loss": figures.loss_figure("loss", fit.loss_history)}
 
 
-@dataclass(frozen=True, eq=False)
-class PhotoSection:
-    """A photo of flat samples on the page."""
+def _chart_section(result: capture_result.CaptureResult) -> dict[str, Any]:
+    """The chart and the calibration by it, for the templates; no ``chart`` where none was used.
 
-    photo: flat_result.PhotoOfRegions
-    figure: Markup
-    light: Markup | None            # over the photo; None where it shows no region
-    whiskers: dict[str, Markup]     # by region: its light with its error
-    calibrated: bool                # whether the photo is shown in the colours of the calibration
+    ``left_out`` is of each patch by a calibration without it, where there is one, its colour as
+    estimated and as the reference has it, as CSS writes them, and CIEDE2000 between both.
+    """
+    residuals, chart = rules.chart_residuals(result), result.chart
+    swatches = swatch_pairs(result)
+    if chart is None or residuals is None or swatches is None:
+        return {"chart": None}
+    fit, prior, left_out = result.calibration.sensitivity, chart.prior, chart.left_out
+    limit = chart_findings.chart_limits(result.stated.chart_stated)[0]
+    of_prior = {"prior_figure": None} if prior is None else {
+        "prior_figure": figures.prior_share_figure("prior-share", prior.share, fit.grid,
+                                                   result.bands),
+        "camera_families": list(zip(prior.families, prior.probabilities.tolist(), strict=True))}
+    of_left_out = {"left_out": []} if left_out is None else {
+        "left_out": _left_out(left_out),
+        "left_out_difference": chart_findings.difference_summary(left_out),
+        "left_out_sentence": texts.sentence(
+            chart_findings.held_out(left_out, chart.layout.names)[0])}
+    return {"chart": chart, "chart_residuals": residuals, "swatches": swatches, **of_prior,
+            "residual_figure": figures.chart_residual_figure(
+                "chart-residuals", residuals, fit.held_out_residuals, result.bands, limit),
+            "irradiance_figure": figures.irradiance_figure("irradiance", chart.irradiance,
+                                                           chart.layout.rows),
+            "chart_rms": chart_findings.root_mean_square(residuals), "chart_limit": limit,
+            **of_left_out}
+
+
+def _left_out(patches: HeldOutPatches) -> list[tuple[str, str, float]]:
+    estimates, references = (
+        [css_colour(reflectance_to_srgb(patches.grid.nm, one)) for one in spectra]
+        for spectra in (patches.mean, patches.reference))
+    return list(zip(estimates, references, chart_findings.patch_differences(patches).tolist(),
+                    strict=True))
 
 
 def _content(results: SessionResults, cards: list[Card]) -> dict[str, Any]:
@@ -216,26 +254,25 @@ def _content(results: SessionResults, cards: list[Card]) -> dict[str, Any]:
             pictures[title] = picture
         if failed is not None:
             missing.append(failed)
-    chart, failed_chart = attempt("section on the chart", lambda: sections.chart_section(result),
-                                  None)
-    light = result.calibration.light
+    of_chart, failed_chart = attempt("section on the chart", lambda: _chart_section(result),
+                                     {"chart": None})
+    light, fit = result.calibration.light, result.calibration.sensitivity
     return {
         "results": results, "found": result, "verdict": verdict,
         "scene": isinstance(result, scene_result.SceneResult),
         "surfaces_word": f"{result.surface_word.capitalize()}s",
         "pictures": pictures, "picture": result.picture,
         "failed": [*missing, *(() if failed_chart is None else (failed_chart,))],
-        "bands": list(zip(result.bands, plots.band_colours(result.bands), strict=True)),
         "cards": cards, "assumed_of_all": assumed_of_all(result.surfaces),
         "tested_families": tested_families(result.surfaces),
         "level": next((surface.summary.level for surface in result.surfaces
                        if surface.summary is not None), None),
         "truths": any(surface.scores is not None for surface in result.surfaces),
         "files": _files(result),
-        "chart": chart, "held_out_rms": sections.held_out_rms(result),
-        "sensitivity_figure": sensitivity_figure("sensitivity", result.calibration.sensitivity,
-                                                 result.bands, results.sensitivity_truth),
-        "scale": None if result.light_scale is None else methods.scale_words(result.light_scale),
+        **of_chart, "surface_off": rules.SURFACE_OFF,
+        "held_out_rms": chart_findings.root_mean_square(fit.held_out_residuals),
+        "sensitivity_figure": sensitivity_figure("sensitivity", fit, result.bands,
+                                                 results.sensitivity_truth),
         "light_figure": light_figure("light", light, result.calibration.light_posterior),
         }
 
@@ -252,35 +289,6 @@ def _files(result: capture_result.CaptureResult) -> list[tuple[str, str]]:
     return files
 
 
-@dataclass(frozen=True, eq=False)
-class AgreementSection:
-    """Photo against rendering of one photo."""
-
-    said: str                       # where they disagree and by how much
-    pair: Markup
-    residuals: Markup
-    limit: float                    # of the scale of residuals
-    rows: list[sections.RenderedSurface]
-    bands: list[tuple[str, str]]    # names and colours
-    scale: str                      # of the light
-    off: float = rules.SURFACE_OFF
-
-
-def _agreement_section(name: str, fit: scenes.Reconstruction, calibration: calibration.Calibration,
-                       bands: tuple[str, ...]) -> AgreementSection:
-    """Photo against rendering of one photo; ``name`` ends the names of its figures."""
-    return AgreementSection(texts.sentence(rules.agreement_in(fit.agreement, bands)),
-                            maps.pair_figure(f"pair{name}", fit, calibration.sensitivity, bands),
-                            maps.residual_figure(f"residuals{name}", fit, bands),
-                            maps.residual_limit(maps.residual_maps(fit)),
-                            sections.rendered_surfaces(fit),
-                            list(zip(bands, plots.band_colours(bands), strict=True)),
-                            methods.scale_words(fit.light_scale))
-
-
-SECTIONS = (AgreementSection, Card, sections.ChartSection, PhotoSection)
-
-
 def _of_kind(content: Any, kind: type[Kind]) -> Iterator[Kind]:
     """Every drawing of a kind among the values of a page."""
     if isinstance(content, kind):
@@ -291,5 +299,5 @@ def _of_kind(content: Any, kind: type[Kind]) -> Iterator[Kind]:
     elif isinstance(content, list | tuple):
         for value in content:
             yield from _of_kind(value, kind)
-    elif isinstance(content, SECTIONS):
+    elif isinstance(content, Card):
         yield from _of_kind(vars(content), kind)

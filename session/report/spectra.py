@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from markupsafe import Markup
@@ -206,64 +205,35 @@ def hex_colour(srgb: np.ndarray) -> str:
     return "#" + "".join(f"{round(255 * float(value)):02x}" for value in srgb)
 
 
-@dataclass(frozen=True)
-class SwatchPair:
-    """A patch as photographed and as predicted, colours as CSS writes them."""
-
-    patch: int                      # from 0
-    name: str
-    measured: str
-    predicted: str
-    delta_e00: float | None         # between both; None without a reference
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SwatchPairs:
-    """Every patch of a chart, the worst first."""
+    """Every patch of a chart as photographed and as predicted."""
 
-    pairs: tuple[SwatchPair, ...]
+    measured: list[str]             # colours as CSS writes them
+    predicted: list[str]
+    delta_e00: np.ndarray | None    # between both; None without a reference
+    order: list[int]                # patches from 0, the worst first
     from_others: bool               # predicted from the other patches alone
 
     @property
-    def large(self) -> tuple[SwatchPair, ...]:
-        """Those shown large."""
-        return self.pairs[:MAX_LARGE]
+    def large(self) -> list[int]:
+        """Patches that are shown large."""
+        return self.order[:MAX_LARGE]
 
     @property
-    def others(self) -> tuple[SwatchPair, ...]:
+    def others(self) -> list[int]:
         """Those folded away."""
-        return self.pairs[MAX_LARGE:]
-
-    @property
-    def in_order(self) -> list[SwatchPair]:
-        """As printed on the chart."""
-        return sorted(self.pairs, key=lambda pair: pair.patch)
-
-    @property
-    def differences(self) -> np.ndarray | None:
-        """CIEDE2000 of every pair; None without a reference."""
-        known = [pair.delta_e00 for pair in self.pairs if pair.delta_e00 is not None]
-        return np.array(known) if known else None
+        return self.order[MAX_LARGE:]
 
     @property
     def worst(self) -> float | None:
         """The largest CIEDE2000; None without a reference."""
-        return None if self.differences is None else float(np.nanmax(self.differences))
+        return None if self.delta_e00 is None else float(np.nanmax(self.delta_e00))
 
     @property
     def mean(self) -> float | None:
         """Mean CIEDE2000; None without a reference."""
-        return None if self.differences is None else float(np.nanmean(self.differences))
-
-    @property
-    def numbers(self) -> dict[str, Any]:
-        """For JSON, in the order of the chart but for ``order``: patches from 0, the worst first.
-        """
-        pairs, known = self.in_order, self.differences is not None
-        return {"measured": [pair.measured for pair in pairs],
-                "predicted": [pair.predicted for pair in pairs],
-                "delta_e00": [pair.delta_e00 for pair in pairs] if known else None,
-                "from_others": self.from_others, "order": [pair.patch for pair in self.pairs]}
+        return None if self.delta_e00 is None else float(np.nanmean(self.delta_e00))
 
 
 def swatch_pairs(result: capture_result.CaptureResult) -> SwatchPairs | None:
@@ -295,11 +265,8 @@ def swatch_pairs(result: capture_result.CaptureResult) -> SwatchPairs | None:
         off = difference = chart_colour_differences(*patches)
     # what was not measured comes first too: it has to be looked at
     order = np.argsort(-np.nan_to_num(off, nan=np.inf), kind="stable").tolist()
-    return SwatchPairs(tuple(
-        SwatchPair(patch, chart.layout.names[patch], css_colour(colours[0][patch]),
-                   css_colour(colours[1][patch]),
-                   None if difference is None else float(difference[patch])) for patch in order),
-        held_out is not None)
+    shown, foreseen = ([css_colour(colour) for colour in each] for each in colours)
+    return SwatchPairs(shown, foreseen, difference, order, held_out is not None)
 
 
 def _camera_colours(result: capture_result.CaptureResult, measured: np.ndarray,

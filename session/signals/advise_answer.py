@@ -17,30 +17,32 @@ from spectrabox.radiometry.spectra import named_spectra
 from spectrabox.radiometry.spectra.filters import filters_at_hand
 from spectrabox.sampling.further.more_measurements import joined
 from spectrabox.sampling.prior import mixture
-from spectrabox.session.commands.requests import AdviseRequest
+from spectrabox.session.commands.requests import MeasuredSignal
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.kept_stages import load_finished
 from spectrabox.session.signals import measurement_file, signal_options
 
 
-def advise_answer(request: AdviseRequest) -> tuple[dict[str, Any], str]:
-    """JSON object and text.
+def advise_answer(measured: MeasuredSignal, sensitivity: str | None, light: str | None,
+                  lamps: str | None, filters: str | None, folder: Path | None, allow_outside: bool
+                  ) -> tuple[dict[str, Any], str]:
+    """JSON object and text of the options of ``spectrabox advise``.
 
     Raises
     ------
     InputError
         If what is asked does not go together, or something cannot be read.
     """
-    hand = read_at_hand(request.lamps, request.filters)
-    if request.folder is not None:
-        if request.sensitivity or request.light or _of_signal(request):
+    hand = read_at_hand(lamps, filters)
+    if folder is not None:
+        if sensitivity or light or _is_stated(measured):
             raise InputError("a session has its own camera, light and signals: give DIR with "
                              "--lamps and --filters alone, or no DIR")
-        config = read_session(request.folder, request.allow_outside)
+        config = read_session(folder, allow_outside)
         finished = load_finished(config)
         return _answer(advise.advice_on_capture(finished.capture, finished.records, hand))
-    if request.signal is not None:
-        return _on_signal(request, hand)
+    if measured.signal is not None:
+        return _on_signal(measured, sensitivity, light, hand)
     raise InputError("nothing to advise on: give the folder of a finished session, or a --signal "
                      "with --sensitivity and --light")
 
@@ -66,25 +68,25 @@ def read_at_hand(lamps: str | None, filters: str | None) -> AtHand | None:
                for name, filter in filters_at_hand(Path(word)).items()}}
 
 
-def _of_signal(request: AdviseRequest) -> bool:
+def _is_stated(measured: MeasuredSignal) -> bool:
     """Whether something is stated that only a signal has."""
-    return bool(request.signal or request.white or request.more or request.reading
-                or request.signal_under or request.same)
+    return bool(measured.signal or measured.white or measured.more or measured.reading
+                or measured.signal_under or measured.same)
 
 
-def _on_signal(request: AdviseRequest, hand: AtHand | None) -> tuple[dict[str, Any], str]:
-    sensitivity, light = request.sensitivity, request.light
+def _on_signal(measured: MeasuredSignal, sensitivity: str | None, light: str | None,
+               hand: AtHand | None) -> tuple[dict[str, Any], str]:
     if sensitivity is None or light is None:
         raise InputError("a signal needs its camera and its light: give --sensitivity and --light")
     response = named_spectra.relative_response(sensitivity, light, FINE_GRID)
     bands = len(response)
-    white = signal_options.optional_numbers(request.white, bands, "white")
-    noise = signal_options.optional_noise(request.noise, bands)
+    white = signal_options.optional_numbers(measured.white, bands, "white")
+    noise = signal_options.optional_noise(measured.noise, bands)
     base = sample.measurement_of_signal(response,
-                                        signal_options.numbers(request.signal or "", bands,
+                                        signal_options.numbers(measured.signal or "", bands,
                                                                "signal"),
                                         white, noise)
-    taken = measurement_file.further_measurements(request, sensitivity, response, white)
+    taken = measurement_file.further_measurements(measured, sensitivity, response, white)
     # so that the width is the one that ``sample`` states: by the same draws
     capture = signal_capture.SignalCapture(response, base.signal[None], ("",), np.ones(bands),
                                            np.sqrt(np.diag(base.noise_covariance)), more=taken)
@@ -93,7 +95,7 @@ def _on_signal(request: AdviseRequest, hand: AtHand | None) -> tuple[dict[str, A
                                    found=advise.stated_outlook(estimate),
                                    curves=named_spectra.sensitivities(sensitivity, FINE_GRID),
                                    present=named_spectra.light(light, FINE_GRID), hand=hand)
-    facts, text = _answer(advice.Advised(each), taken=[measured.name for measured in taken])
+    facts, text = _answer(advice.Advised(each), taken=[one.name for one in taken])
     caveats = [*map(texts.says, signal_capture.unstated(white, noise))]
     if caveats:
         facts["caveat"] = "\n".join(caveats)

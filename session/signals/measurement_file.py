@@ -72,13 +72,13 @@ class MeasurementsFile(checked_tables.Table):
     same: checked_tables.ListOf[SignalTable] = ()
 
 
-def further_measurements(request: MeasuredSignal, sensitivity: str, relative_response: np.ndarray,
+def further_measurements(measured: MeasuredSignal, sensitivity: str, relative_response: np.ndarray,
                          white: np.ndarray | None) -> list[MoreMeasurement]:
     """All that the options --reading, --photo, --same and --more say of one surface.
 
     Parameters
     ----------
-    request : MeasuredSignal
+    measured : MeasuredSignal
     sensitivity : str
         Curves of the camera that took the first photo, by name or file.
     relative_response : (K, 301) array
@@ -91,13 +91,13 @@ def further_measurements(request: MeasuredSignal, sensitivity: str, relative_res
     InputError
     """
     measurements = [MoreMeasurement(reading.name, (reading,))
-                    for reading in map(signal_options.parse_reading, request.reading)]
+                    for reading in map(signal_options.parse_reading, measured.reading)]
     measurements += [photo_of_text(text, sensitivity, len(relative_response))
-                     for text in request.signal_under]
+                     for text in measured.signal_under]
     measurements += [patch_of_text(text, relative_response, white, number)
-                     for number, text in enumerate(request.same, 1)]
-    if request.more is not None:
-        measurements += read_more(request.more, sensitivity, relative_response)
+                     for number, text in enumerate(measured.same, 1)]
+    if measured.more is not None:
+        measurements += read_more(measured.more, sensitivity, relative_response)
     return measurements
 
 

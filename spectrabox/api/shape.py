@@ -303,8 +303,8 @@ def fit_shape(photos: Sequence[str | Path | Photo | np.ndarray], poses: PoseLike
     views = _lit(views, middle, same_lamp)
     with progress_steps(progress, "shape") as show:
         found = shape_fit.reconstruct_shape(
-            views, OBJECT, vertices, faces, painted,
-            shape_fit.ShapeSettings(SHAPE_COEFFICIENTS, stages, seed),
+            views, OBJECT, vertices, faces, painted, stages,
+            InversionSettings(SHAPE_COEFFICIENTS, seed=seed),
             lambda share, message: show(0.9 * share, message),
             None if checkpoint is None else Path(checkpoint))
         middle = (found.vertices.min(axis=0) + found.vertices.max(axis=0)) / 2
