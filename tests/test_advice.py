@@ -15,6 +15,7 @@ from spectrabox.measure.advice.forecast import (
     COLOUR,
     WIDTH,
     Unknown,
+    left_errors,
     outlook_after,
     outlook_now,
     outlook_of,
@@ -28,7 +29,7 @@ from spectrabox.measure.more_bands.filter_fit import (
 from spectrabox.measure.more_bands.joined_errors import ChartFitted
 from spectrabox.measure.surfaces.surface_signals import alone
 from spectrabox.radiometry.appearance import ciede2000, reflectance_to_lab
-from spectrabox.radiometry.error_model import LIGHT_FIELD
+from spectrabox.radiometry.error_model import CAUSES, LIGHT_FIELD
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
 
@@ -98,6 +99,20 @@ def test_less_error_is_a_narrower_band_and_the_forecast_signal_stays(plain):
         cause: share * covariance for cause, covariance in unknown.signals.errors.items()}))[WIDTH]
         for share in (1.0, 0.5, 0.1)]
     assert widths == sorted(widths, reverse=True) and widths[0] > 1.02 * widths[2]
+
+
+def test_errors_in_proportion_are_forecast_at_the_brightness_that_is_expected(plain):
+    """Three times as bright, with errors that are three times as large, signals forecast the same,
+    where those of now are explained without an error."""
+    unknown, sample = unknown_of(plain, "cube")
+    unknown = replace(unknown, signals=replace(
+        unknown.signals, signal=unknown.signals.signal - left_errors(unknown)))
+    after = sample.signals("cube")
+    brighter = replace(after, signal=3 * after.signal, errors={
+        cause: covariance * (1 if CAUSES[cause].kind == "added" else 9)
+        for cause, covariance in after.errors.items()})
+    np.testing.assert_allclose(outlook_after(unknown, brighter), outlook_after(unknown, after),
+                               rtol=1e-6)
 
 
 def test_a_reading_is_forecast_as_it_comes(plain):

@@ -21,7 +21,7 @@ from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records.spectra import Quantity, UnknownLight
 from spectrabox.radiometry.spectra.named_spectra import light, sensitivities
 from spectrabox.radiometry.spectra.spectrum_files import read_curves, read_spectrum
-from spectrabox.session.camera.camera_files import read_patches
+from spectrabox.session.camera.camera_files import read_patches, signals_of_patches
 from spectrabox.session.cli import app
 
 runner = CliRunner()
@@ -174,6 +174,17 @@ def test_products_with_an_unknown_light_are_no_sensitivities(chart, words, tmp_p
     assert refused.exit_code == 3 and not Path("p.dcp").exists()
     assert "products.csv holds products of sensitivity and light" in refused.output \
         and "--light FILE, a CIE name or 3200K" in refused.output
+
+
+def test_errors_that_nobody_stated_are_each_bands_own():
+    """A band that is read a thousand times brighter errs by as much more, and no other does."""
+    signal = np.random.default_rng(5).uniform(0.02, 1, size=(24, 3))
+    signal[18:] *= 1e-3         # darker than their error
+    one, other = (signals_of_patches("table", scale * signal, None, ("R", "G", "B"),
+                                     np.zeros(signal.shape)).samples.covariance_of_mean
+                  for scale in (np.ones(3), np.array([1000.0, 1, 1])))
+    errors = np.sqrt(np.diagonal(other, axis1=1, axis2=2) / np.diagonal(one, axis1=1, axis2=2))
+    np.testing.assert_allclose(errors, [[1000, 1, 1]] * 24)
 
 
 def test_a_camera_of_an_unknown_light_is_refused_where_a_light_is_given(chart, tmp_path):

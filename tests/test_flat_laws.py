@@ -269,6 +269,21 @@ def test_noise_is_averaged_over_photos_and_what_they_share_is_not(seen, photos):
     np.testing.assert_allclose(estimate[DISAGREEMENT], both * ERRORS.disagreement.among_bands(3))
 
 
+def test_a_band_that_is_saturated_in_one_of_several_photos_says_nothing(seen):
+    white = seen()
+    curves = np.exp(-0.5 * ((FINE_GRID.nm - np.array([[610], [540], [460]])) / 40)**2)
+    fit = SensitivityFit(FINE_GRID, curves, *[None] * 7, "stated", Outcome.CONVERGED)
+    light = Spectrum(FINE_GRID, np.ones(FINE_GRID.nm.size), Quantity.RELATIVE, "even")
+    photo = dataclasses.replace(flat_photo(), calibration=Calibration(
+        fit, light, None, np.zeros((3, 3)), ()))
+    clipped = np.array([[True, False, False], [False] * 3])
+    bright = dataclasses.replace(white, samples=dataclasses.replace(white.samples,
+                                                                    clipped=clipped))
+    signals = flat_signals([photo, photo], [white, bright], {"cloth": (), "card": ()}, {},
+                           ("red", "green", "blue"), ERRORS)
+    np.testing.assert_array_equal(np.isnan(signals.signal), clipped)
+
+
 def test_a_reduced_map_is_the_mean_of_what_was_seen_of_each_block(monkeypatch):
     monkeypatch.setattr(picture_maps, "REDUCED_PX", 4)
     rng, of_map = np.random.default_rng(65), SimpleNamespace(file="map.png", channels=2,

@@ -15,7 +15,7 @@ from spectrabox.radiometry.chart import PATCH_NAMES, chart_reflectances
 from spectrabox.radiometry.interreflection import response_matrix, white_signal
 from spectrabox.reconstruct.rendering.renderer import render
 from spectrabox.reconstruct.scene.scene_file import read_scene
-from spectrabox.reconstruct.shape import start
+from spectrabox.reconstruct.shape import paints, start
 from spectrabox.reconstruct.shape.mesh import add_outline_gradient, icosphere, write_mesh
 from spectrabox.reconstruct.shape.shape_fit import with_mesh
 from spectrabox.reconstruct.view import MaterialSpec, PhotoView
@@ -254,6 +254,12 @@ def test_labels_that_do_not_fit_are_refused(painted_ball, change, words):
     with pytest.raises(sb.InputError, match=words):
         fitted(photos, scenes, white, **({"masks": labels, "materials": ["orange", "blue"],
                                           "width": 32} | change))
+
+
+def test_a_photo_tells_of_a_paint_by_that_paint_in_the_photos():
+    """A small part of the object is seen as well in photos that show much of a large one."""
+    telling = paints.telling_photos(np.array([[400, 30], [390, 28], [40, 26]]), ["wall", "knob"])
+    np.testing.assert_array_equal(telling, [[True, True], [True, True], [False, True]])
 
 
 def test_a_fit_that_was_stopped_goes_on_with_the_same_numbers(ball, tmp_path):

@@ -122,6 +122,13 @@ def test_pixels_beyond_white_are_counted(tmp_path):
         answer(tmp_path, image)
 
 
+def test_one_band_beyond_white_is_beyond_white(tmp_path):
+    image = picture()
+    image[:7, ..., 0] *= 40
+    with pytest.raises(InputError, match="10% of the pixels are brighter than a perfect white"):
+        answer(tmp_path, image)
+
+
 @pytest.mark.parametrize("options, message", [
     ({"step": 7}, "--step 7 does not divide 400-700 nm into steps of 5 nm"),
     ({"side": 8}, "--side 8 is not odd and at least 3"),
