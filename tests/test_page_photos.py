@@ -1,6 +1,7 @@
 """Photos of the page are those of the files, pixel by pixel."""
 import json
 import os
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -42,6 +43,19 @@ def test_a_pixel_of_the_sensor_reads_the_pixel_that_it_is_part_of(path, x, y, pi
 def test_there_is_nothing_beyond_the_last_pixel(path, x, y):
     with pytest.raises(InputError, match="outside the photo of 12 x 8 pixels"):
         PhotoViews().value(PhotoFile(path), x, y)
+
+
+def test_what_is_left_of_a_rectangle_holds_no_pixel_that_is_clipped_in_any_band(path, monkeypatch):
+    def opened(file, not_linear):
+        seen = image(np.full((80, 80, 3), 0.5))
+        saturated = np.zeros((80, 80, 3), bool)
+        saturated[::7, 50::7, 0] = True
+        return replace(seen, saturated=saturated)
+    monkeypatch.setattr(photo_views, "open_any", opened)
+    left, top, right, bottom = PhotoViews().unclipped(PhotoFile(path), [10, 5, 75, 70])
+    # cells are of three pixels
+    assert left == pytest.approx(10, abs=3) and 46 <= right < 50
+    assert top == pytest.approx(5, abs=3) and bottom == pytest.approx(70, abs=3)
 
 
 def test_a_file_that_was_replaced_is_shown_as_it_is_now(path):
