@@ -158,3 +158,12 @@ def test_a_fit_names_a_veil_and_no_veil_where_a_tone_curve_is(fault, code, cause
     found = {one.code: one for one in faults(calibrate_chart([photo], GRID).calibration.findings)}
     assert code in found and len({"calibration.veil", "calibration.cause"} & set(found)) == 1
     assert found[code].values.get("causes") == causes
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 30.0])
+def test_a_freedom_that_changes_nothing_is_no_evidence_for_or_against_a_cause(size):
+    chart = chart_causes._Chart(chart_causes.PatchSignals(
+        noisy(seen()), seen(), np.full((24, 3), 1e-4), CLASSIC.centres_uv, 0.05), np.ones(24, bool))
+    nothing = chart.evidence(lambda signal, _: signal, np.zeros(0))
+    free = chart.evidence(lambda signal, _: signal, np.array([size, 2 * size]))
+    assert free == pytest.approx(nothing, abs=1e-6)

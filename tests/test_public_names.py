@@ -320,3 +320,11 @@ def test_a_program_renders_on_with_the_threads_that_it_had(mitsuba, captured, tm
         mitsuba.Bitmap(np.zeros((4, 4, 3), np.float32)).write(str(tmp_path / "black.exr"))
     finally:
         drjit.set_thread_count(before)
+
+
+def test_each_of_several_rounded_colours_errs_by_its_own_rounding_at_least():
+    """Beside others a colour is not known better than alone."""
+    codes = np.array([[16, 20, 24], [240, 244, 248]], np.uint8)
+    for code, beside in zip(codes, sb.sample(srgb=codes).values(), strict=True):
+        alone = np.sqrt(np.diag(sb.sample(srgb=code).measurement.noise_covariance))
+        assert np.all(np.sqrt(np.diag(beside.measurement.noise_covariance)) >= 0.999 * alone)

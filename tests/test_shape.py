@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -254,6 +255,20 @@ def test_labels_that_do_not_fit_are_refused(painted_ball, change, words):
     with pytest.raises(sb.InputError, match=words):
         fitted(photos, scenes, white, **({"masks": labels, "materials": ["orange", "blue"],
                                           "width": 32} | change))
+
+
+def test_photos_of_any_exposure_are_relative_to_the_first(tmp_path):
+    """One white for all photos is that of the first: another exposure is allowed for."""
+    (tmp_path / "view.xml").write_text(view_xml(cameras(1)[0], WIDTH), encoding="utf-8")
+    scene = read_scene(tmp_path / "view.xml")
+    seen = np.random.default_rng(6).uniform(0.1, 0.3, (WIDTH, WIDTH, 3))
+    opened = [replace(sb.open_photo(seen), image=replace(
+        photo_of(exposure * seen), exposure_s=0.01 * exposure, iso=100.0, f_number=8.0))
+              for exposure in (1.0, 2.13)]
+    first, other = shape._views(opened, [scene] * 2, camera(), np.array([0.9, 0.8, 0.7]), None,
+                                WIDTH)
+    np.testing.assert_allclose(first.photo.signal * [0.9, 0.8, 0.7], seen, rtol=1e-5)
+    np.testing.assert_allclose(other.photo.signal, first.photo.signal, rtol=1e-5)
 
 
 def test_a_photo_tells_of_a_paint_by_that_paint_in_the_photos():

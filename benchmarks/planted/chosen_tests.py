@@ -10,13 +10,27 @@ from benchmarks.planted.mistake import Mistake
 
 ROOT = Path(__file__).resolve().parents[2]
 ROOMS = ("radiometry", "capture", "calibrate", "reconstruct", "sampling", "measure", "session",
-         "fixtures")
+         "fixtures", "spectrabox/api")
+
+
+def module_of(file: Path) -> str:
+    """The name that a source file is imported by."""
+    parts = file.with_suffix("").parts
+    return ".".join(parts if parts[0] == "spectrabox" else ("spectrabox", *parts))
+
+
+@cache
+def public_names() -> dict[str, str]:
+    """The module of each public name, from the stub of the package."""
+    stub = ast.parse((ROOT / "spectrabox" / "__init__.pyi").read_text(encoding="utf-8"))
+    return {alias.name: f"spectrabox.{node.module}" for node in ast.walk(stub)
+            if isinstance(node, ast.ImportFrom) for alias in node.names}
 
 
 @cache
 def sources() -> dict[str, Path]:
     """Every module of the project and of its tests by the name that it is imported by."""
-    found = {"spectrabox." + ".".join(path.relative_to(ROOT).with_suffix("").parts): path
+    found = {module_of(path.relative_to(ROOT)): path
              for room in ROOMS for path in (ROOT / room).rglob("*.py")}
     tests = sorted((ROOT / "tests").rglob("*.py"), key=lambda path: -len(path.parts))
     return found | {path.stem: path for path in tests}      # the outer conftest is the one meant
@@ -25,14 +39,19 @@ def sources() -> dict[str, Path]:
 @cache
 def imports(module: str) -> frozenset[str]:
     """Modules of the project that a module imports anywhere in its text, or names in a string: the
-    stages are called so.
+    stages are called so. A public name, ``sb.flat``, is of its module.
     """
-    names = set()
+    names: set[str] = set()
     for node in ast.walk(ast.parse(sources()[module].read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
-            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+            of = node.module.removeprefix("tests.")     # tests are known by their own names
+            names |= {of, *(alias.name if of == "tests" else f"{of}.{alias.name}"
+                            for alias in node.names)}
+        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) \
+                and node.value.id in ("sb", "spectrabox") and node.attr in public_names():
+            names.add(public_names()[node.attr])
         elif isinstance(node, ast.Constant) and isinstance(node.value, str):
             stage = re.fullmatch(r"\.\w+", node.value)      # behind the name of its room
             names |= {node.value, *(name for name in sources()
@@ -55,7 +74,7 @@ def distances(test: str) -> dict[str, int]:
 
 def nearest_tests(file: str) -> list[tuple[int, str]]:
     """Distance and path of every test file that reaches a source file, nearest first."""
-    module = "spectrabox." + ".".join(Path(file).with_suffix("").parts)
+    module = module_of(Path(file))
     tests = [name for name in sources() if name.startswith("test_")]
     return sorted((distances(test)[module], str(sources()[test].relative_to(ROOT)))
                   for test in tests if module in distances(test))
