@@ -12,6 +12,7 @@ from spectrabox.capture.chart import quality
 from spectrabox.capture.chart.chart_agreement import TYPICAL_SIGNALS
 from spectrabox.capture.chart.detection import find_chart, locate_chart, patch_gap
 from spectrabox.capture.chart.quality import judge_chart
+from spectrabox.capture.develop.developed import open_any
 from spectrabox.capture.photo.image_files import read_linear_file
 from spectrabox.capture.photo.image_writers import NO_DATE, write_linear_exr, write_png
 from spectrabox.capture.photo.linear import open_photo
@@ -349,3 +350,12 @@ def test_develop_takes_what_is_not_linear_only_when_told_and_marks_it(tmp_path):
 
 def test_develop_wants_an_exr_name(tmp_path):
     assert call("develop", chart_photo(tmp_path), "-o", tmp_path / "out.png")[0] == 2
+
+
+@pytest.mark.parametrize("power", [0.75, 1.3])
+def test_a_tone_curve_is_undone_before_a_reflection_is_looked_for(tmp_path, power):
+    write_png(tmp_path / "curved.png", encode_srgb8(
+        chart_scene(HEIGHT, WIDTH, 0.9 * SIGNALS / SIGNALS.max(), PLACE) ** power))
+    image = open_any(tmp_path / "curved.png", not_linear=True)
+    verdict = judge_chart(image, find_chart(image, TYPICAL_SIGNALS), TYPICAL_SIGNALS)
+    assert verdict.glare < 0.05

@@ -8,6 +8,7 @@ from spectrabox.calibrate.chart_calibration import calibrate_chart
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.colour_profile import fit_transform
 from spectrabox.measure.plots import plot_matrices
+from spectrabox.measure.profiles import camera_profile
 from spectrabox.measure.profiles.camera_profile import (
     FITTED,
     MEASURED,
@@ -116,3 +117,18 @@ def test_the_plot_shows_every_entry_and_every_error(fitted):
                 for figures in zip(row.chart, row.fresh, strict=True)]
     np.testing.assert_allclose(np.array(shown, float), expected)
     plt.close(entries.figure)
+
+
+def test_photographed_signals_differ_by_patch_and_all_alike_by_the_balance():
+    """Logarithms of draws: what bands share of a patch, and patches of a band, is as stated."""
+    calibration, rng = calibrate_chart([chart_photo()], FINE_GRID), np.random.default_rng(3)
+    error = calibration.prior_fit.patch_error
+    common, balance = np.hypot(error.common, 0.02), 0.01
+    log = np.log(np.concatenate([camera_profile._as_they_may_be(
+        np.ones((6, 3)), calibration, 0.02, balance, rng) for _ in range(40)]))
+    covariance = np.cov(log.reshape(len(log), -1), rowvar=False).reshape(6, 3, 6, 3)
+    bands, patches = np.eye(3), np.eye(6)
+    stated = np.einsum("ij,kl->ikjl", patches, error.own**2 * bands + common**2) \
+        + np.einsum("ij,kl->ikjl", np.ones((6, 6)), balance**2 * bands)
+    # as many draws know a covariance to 2 % of the variances
+    np.testing.assert_allclose(covariance, stated, atol=0.1 * stated.max())

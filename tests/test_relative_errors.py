@@ -4,6 +4,7 @@ import dataclasses
 import numpy as np
 import pytest
 from sampling_cameras import response, seen, surface
+from scipy.stats import truncnorm
 
 from spectrabox.measure.shoot.options import Sampling
 from spectrabox.measure.surfaces.surface_signals import errors_by_cause, measurement
@@ -24,6 +25,7 @@ from spectrabox.radiometry.records.spectra import (
     SpectrumSamples,
     SurfaceSignals,
 )
+from spectrabox.sampling.prior import state_posteriors
 from spectrabox.sampling.prior.calibrated_marginals import marginal_moments
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, drawn_reflectances, load_prior
 from spectrabox.sampling.prior.mixture_posterior import (
@@ -376,3 +378,11 @@ def test_draws_of_all_surfaces_at_once_that_leave_a_surfaces_signal_are_not_take
     kept = sample_surfaces(signals_of([0.3, 0.3, 0.3], alike(3, 0.1)), chosen, 0, {},
                            lambda done, what: None, {"wall": light})["wall"]
     assert kept.samples.outcome is Outcome.THROUGH_TRANSPORT
+
+
+@pytest.mark.parametrize("mean, least", [(0.4, 0.0), (0.0, 0.0), (-0.5, 0.0), (1.0, -np.inf)])
+def test_a_variable_that_cannot_be_less_is_a_truncated_normal_one(mean, least):
+    """Independent: scipy.stats.truncnorm."""
+    known = truncnorm((least - mean) / 0.3, np.inf, loc=mean, scale=0.3)
+    estimate = state_posteriors._not_less(*(np.array([one]) for one in (mean, 0.3, least)))
+    np.testing.assert_allclose(np.ravel(estimate), [known.mean(), known.std()], rtol=1e-6)
