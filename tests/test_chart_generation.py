@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from calibrate_cameras import GRID, cameras_at_10_nm, led, on_grid, prior, samples, signals
+from scipy.stats import multivariate_normal
 from typer.testing import CliRunner
 
 import spectrabox as sb
-from spectrabox.calibrate import chart_findings
+from spectrabox.calibrate import chart_findings, copy_errors
 from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.fixtures.chart_scene import chart_scene, mosaic
@@ -240,3 +241,17 @@ def test_real_photos_say_the_same_edition_whatever_their_light(name):
         pytest.skip(f"SPECTRABOX_DATA names no folder with {path.name}")
     # nobody noted the editions; the industrial sensor's photos are most likely of one chart
     assert sb.find_chart(path).edition.edition == "since November 2014"
+
+
+def test_an_edition_is_as_likely_as_the_signals_that_it_foretells():
+    """Independent: the densities of scipy, over the components of the prior on cameras."""
+    rng = np.random.default_rng(12)
+    spread = rng.standard_normal((5, 9))
+    covariance, residuals = spread @ spread.T, rng.standard_normal((3, 5))
+    weights, others = np.array([0.5, 0.3, 0.2]), rng.standard_normal((2, 5))
+    explained = copy_errors.Explained(weights, np.linalg.solve(covariance, residuals.T).T,
+                                      np.linalg.inv(covariance))
+    law = multivariate_normal(np.zeros(5), covariance)
+    expected = [np.log(weights @ (law.pdf(residuals - other) / law.pdf(residuals)))
+                for other in others]
+    np.testing.assert_allclose(copy_errors.edition_log_odds(explained, others), expected)
