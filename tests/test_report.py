@@ -17,6 +17,8 @@ from spectrabox.measure.words import exposure, number, percent, signed_percent
 from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error
 from spectrabox.radiometry.errors import EnvironmentProblem
 from spectrabox.radiometry.findings import Finding, Severity
+from spectrabox.radiometry.grid import FINE_GRID
+from spectrabox.radiometry.records.calibration import SensitivityFit
 from spectrabox.radiometry.records.scenes import SurfaceMisfit
 from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.sampling.prior.family_coverage import (
@@ -25,7 +27,7 @@ from spectrabox.sampling.prior.family_coverage import (
 )
 from spectrabox.sampling.prior.mixture import load_prior
 from spectrabox.session.report.cards import assumed_of_all
-from spectrabox.session.report.maps import residual_maps
+from spectrabox.session.report.maps import display_bands, residual_maps
 from spectrabox.session.report.numbers import scene_numbers
 from spectrabox.session.report.page import write_report
 from spectrabox.session.report.svg import plain_line
@@ -345,3 +347,11 @@ def with_ratio(results, ratio):
     made = results.found.reconstruction
     agreement = dataclasses.replace(made.agreement, ratio=ratio)
     return with_found(results, reconstruction=dataclasses.replace(made, agreement=agreement))
+
+
+def test_bands_are_shown_by_their_wavelengths_however_sensitive_they_are():
+    peaks = np.array([460.0, 610.0, 540.0])
+    curves = np.array([[5.0], [0.2], [1.0]]) * np.exp(
+        -0.5 * ((FINE_GRID.nm - peaks[:, None]) / 30) ** 2)
+    fit = SensitivityFit(FINE_GRID, curves, *[None] * 7, "stated", Outcome.CONVERGED)
+    assert display_bands(fit) == [1, 2, 0]
