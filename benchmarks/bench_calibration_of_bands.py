@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -28,11 +29,7 @@ from spectrabox.sampling.evaluation.metrics import (
 )
 from spectrabox.sampling.polytope.tilted_rejection import sample_polytope
 from spectrabox.sampling.prior.families.family_models import FAMILIES
-from spectrabox.sampling.prior.libraries import (
-    ReflectanceLibrary,
-    read_library,
-    without_near_duplicates,
-)
+from spectrabox.sampling.prior.libraries import read_library, without_near_duplicates
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, load_prior
 from spectrabox.sampling.prior.mixture_posterior import (
     calibrated_bands,
@@ -44,7 +41,7 @@ from spectrabox.sampling.spectral_measurement import spline_operator
 from spectrabox.sampling.uniform import into_reach
 
 from tools.prior_calibration import AT_95, judge, prior_without
-from tools.prior_training import enriched, fit_mixture, fitted_families, parts_of
+from tools.prior_training import Library, enriched, fit_mixture, fitted_families, parts_of
 
 TRAINING = {"cassava": "earth", "kremer_pigments": "paint", "ntu_watercolour": "paint",
             "rawtoaces190": "mixed", "usgs_minerals": "earth"}      # and their families
@@ -70,18 +67,21 @@ class Certificate:
     unfamiliar: float
 
 
-def certify(prior: LogitMixture, library: ReflectanceLibrary, response: np.ndarray,
+def certify(prior: LogitMixture, name: str, truth: np.ndarray, response: np.ndarray,
             noise: float = 0.0, seed: int = 0) -> Certificate:
     """Bands for the signals of every curve of a library, against the curve.
 
     Parameters
     ----------
+    name : str
+        Of the library.
+    truth : (n, 61)
+        Its reflectances.
     response : (K, 61)
         Rows summing to 1.
     noise : float
         Relative standard error of the signals, also drawn into them.
     """
-    truth = library.reflectances
     errors = noise * np.random.default_rng(seed).standard_normal((len(truth), len(response)))
     mean, lower, upper = (np.empty_like(truth) for _ in range(3))
     surprise = np.empty(len(truth))
@@ -94,7 +94,7 @@ def certify(prior: LogitMixture, library: ReflectanceLibrary, response: np.ndarr
         surprise[rows] = mixture.surprise
     curve = widened(mean, lower, upper, prior.curve_factor)
     return Certificate(
-        library.name, len(truth), noise, float(rmse(mean, truth).mean()),
+        name, len(truth), noise, float(rmse(mean, truth).mean()),
         coverage(lower, upper, truth), coverage_error((truth >= lower) & (truth <= upper)),
         float(np.mean(upper - lower)), curve_coverage(*curve, truth),
         winkler_score(lower, upper, truth),
@@ -114,12 +114,12 @@ def eight_bands() -> np.ndarray:
     return bands / bands.sum(axis=1, keepdims=True)
 
 
-def left_out_priors(libraries: list[ReflectanceLibrary]) -> dict[str, LogitMixture]:
+def left_out_priors(libraries: Sequence[Library]) -> dict[str, LogitMixture]:
     """For every library the prior trained on the others, with the factors of the shipped one."""
     shipped = load_prior()
-    by_family: dict[str, list[ReflectanceLibrary]] = {}
+    by_family: dict[str, list[Library]] = {}
     for library in libraries:
-        by_family.setdefault(TRAINING[library.name], []).append(library)
+        by_family.setdefault(TRAINING[library[0]], []).append(library)
     parts = parts_of(by_family, FAMILIES, 0, 1)
     fitted = fitted_families(parts, FAMILIES, 0)
     return {part.name: replace(prior_without(part, parts, fitted, FAMILIES, 0),
@@ -130,12 +130,12 @@ def left_out_priors(libraries: list[ReflectanceLibrary]) -> dict[str, LogitMixtu
             for part in parts if part.measured}
 
 
-def in_domain(libraries: list[ReflectanceLibrary], response: np.ndarray) -> Certificate:
+def in_domain(libraries: Sequence[Library], response: np.ndarray) -> Certificate:
     """Random thirds: trained on one, calibrated on another, judged on the last; near-duplicates
     removed first.
     """
     rng = np.random.default_rng(0)
-    pooled = np.concatenate([without_near_duplicates(one.reflectances)[:600] for one in libraries])
+    pooled = np.concatenate([without_near_duplicates(curves)[:600] for _, curves in libraries])
     first, second, third = np.array_split(pooled[rng.permutation(len(pooled))], 3)
     prior = fit_mixture(enriched(first))
     judged = judge(prior, response, second)
@@ -146,7 +146,7 @@ def in_domain(libraries: list[ReflectanceLibrary], response: np.ndarray) -> Cert
     flat = factors[None, :, None] * np.ones(PRIOR_GRID.nm.size)
     widest = np.quantile(judged.scores[AT_95].max(axis=1), 0.95) / factors[AT_95]
     exact = replace(prior, band_factors=flat, stated_factors=flat, curve_factor=float(widest))
-    return certify(exact, ReflectanceLibrary("in-domain third", third, {}), response)
+    return certify(exact, "in-domain third", third, response)
 
 
 def uniform_row(reflectances: np.ndarray, response: np.ndarray) -> tuple[float, float]:
@@ -171,10 +171,9 @@ def peers(reflectances: np.ndarray, observer: np.ndarray) -> dict[str, float]:
                                         curve) for curve in reflectances])) for method in PEERS}
 
 
-def some(library: ReflectanceLibrary, most: int) -> ReflectanceLibrary:
+def some(curves: np.ndarray, most: int) -> np.ndarray:
     """At most ``most`` curves, at random."""
-    order = np.random.default_rng(1).permutation(len(library.reflectances))[:most]
-    return ReflectanceLibrary(library.name, library.reflectances[order], {})
+    return curves[np.random.default_rng(1).permutation(len(curves))[:most]]
 
 
 def main() -> None:
@@ -193,23 +192,23 @@ def main() -> None:
     priors: dict[str, LogitMixture] = {}
     libraries = []
     if arguments.data is not None:
-        libraries = [read_library(arguments.data / "reflectance" / name) for name in TRAINING]
+        libraries = [(name, read_library(arguments.data / "reflectance" / name))
+                     for name in TRAINING]
         priors = left_out_priors(libraries)
-    never = [ReflectanceLibrary(name, values[np.all((values >= 0) & (values <= 1), axis=1)], {})
+    never = [(name, values[np.all((values >= 0) & (values <= 1), axis=1)])
              for name, values in test_reflectances(PRIOR_GRID).items()]
-    never += [read_library(folder) for folder in arguments.library]
+    never += [(folder.resolve().name, read_library(folder)) for folder in arguments.library]
     rows = []
-    for library in (*libraries, *never):
-        judged = some(library, arguments.most)
-        row = asdict(certify(priors.get(library.name, prior), judged, response))
-        few = judged.reflectances[:arguments.peers]
+    for name, curves in (*libraries, *never):
+        judged = some(curves, arguments.most)
+        row = asdict(certify(priors.get(name, prior), name, judged, response))
+        few = judged[:arguments.peers]
         row["uniform_rmse"], row["uniform_coverage"] = uniform_row(few, response)
         row["peers"] = peers(few, response)
-        row["rmse_of_those"] = float(certify(priors.get(library.name, prior),
-                                             ReflectanceLibrary("", few, {}), response).rmse)
+        row["rmse_of_those"] = float(certify(priors.get(name, prior), "", few, response).rmse)
         rows.append(row)
-    noisy = [{**asdict(certify(prior, some(ReflectanceLibrary(name, values, {}), arguments.most),
-                              matrix, noise)), "bands": len(matrix)}
+    noisy = [{**asdict(certify(prior, name, some(values, arguments.most), matrix, noise)),
+              "bands": len(matrix)}
              for name, values in (("BabelColor Average",
                                    test_reflectances(PRIOR_GRID)["BabelColor Average"]),
                                   ("NIST CQS test colours",

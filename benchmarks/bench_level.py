@@ -60,7 +60,7 @@ def main() -> None:
     response = relative_response(arguments.sensitivity, "D65", fine) @ to_prior
     observer = relative_response("CIE 1931 2 Degree Standard Observer", "D65", fine) @ to_prior
     shipped = np.clip(np.vstack(list(test_reflectances(PRIOR_GRID).values())), 0, 1)
-    spectra = read_library(arguments.library).reflectances if arguments.library else shipped
+    spectra = read_library(arguments.library) if arguments.library else shipped
     spectra = spectra[np.random.default_rng(0).permutation(len(spectra))[:arguments.count]]
     priors = replace(load_prior(), uniform_level=False), load_prior()
     print("| surfaces | own level: bias of the signal (of its error), L*, held, width | uniform |")

@@ -18,7 +18,7 @@ from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.prior.learnt_prior import CameraDatabase, read_camera_database
 from spectrabox.measure.plots import plot_matrices
-from spectrabox.measure.profiles.camera_profile import ComparedMatrices, compare_matrices
+from spectrabox.measure.profiles.camera_profile import MatrixComparison, compare_matrices
 from spectrabox.radiometry.chart import chart_reflectances
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.photos import PatchSamples
@@ -31,7 +31,7 @@ from benchmarks.bench_unknown_makers import NOISE, makers_of, prior_without
 PATCH_ERROR = 0.01          # of the level of a patch, one chart against another
 
 
-def compared(database: CameraDatabase, camera: int, lamp: str) -> ComparedMatrices:
+def compared(database: CameraDatabase, camera: int, lamp: str) -> MatrixComparison:
     """The matrices of a camera under a lamp whose spectrum is stated."""
     rng = np.random.default_rng(camera)
     reflectances, zero = chart_reflectances("BabelColor Average", FINE_GRID), np.zeros((24, 3))
@@ -64,7 +64,7 @@ def main() -> None:
         plot_matrices(*axes, found)
         figure.suptitle(f"{arguments.camera}, {arguments.lamps[0]}")
         figure.savefig(arguments.figure, dpi=110)
-        print(found.text())
+        print(found)
         return
     for lamp in arguments.lamps:
         every = [compared(database, camera, lamp).rows

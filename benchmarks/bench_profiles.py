@@ -71,7 +71,7 @@ def main() -> None:
     arguments = parser.parse_args()
     database = read_camera_database(arguments.data / "cameras")
     tests = test_reflectances(PRIOR_GRID)
-    pigments = read_library(arguments.data / "reflectance" / "kremer_pigments").reflectances
+    pigments = read_library(arguments.data / "reflectance" / "kremer_pigments")
     sets = {CHART: tests[CHART], FRESH: tests[FRESH], PIGMENTS: pigments}
     for lamp in arguments.lamps:
         found: dict[tuple[str, str], list[list[float]]] = {}

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from markupsafe import Markup
 
-from spectrabox.measure.profiles.camera_profile import ComparedMatrices
 from spectrabox.radiometry.appearance import reflectance_to_srgb
 from spectrabox.radiometry.records.spectra import SpectrumSummary
 
@@ -16,6 +15,7 @@ if TYPE_CHECKING:   # Matplotlib takes a while to import
     from matplotlib.axes import Axes
 
     from spectrabox.measure.estimate import Estimate
+    from spectrabox.measure.profiles.camera_profile import MatrixComparison
 
 
 INK, QUIET = "#22262b", "#6b7280"
@@ -119,14 +119,14 @@ def plot_sensitivities(axes: Axes, nm: np.ndarray, curves: np.ndarray,
     axes.set_ylabel("Sensitivity (highest peak = 1)")
 
 
-def plot_matrices(entries: Axes, errors: Axes, compared: ComparedMatrices) -> None:
+def plot_matrices(entries: Axes, errors: Axes, compared: MatrixComparison) -> None:
     """Draw matrices of one camera side by side: their nine entries, and CIEDE2000 of the chart and
     of fresh surfaces, mean (dot) and high percentile (ring), one standard deviation either side.
 
     Parameters
     ----------
     entries, errors : Axes
-    compared : ComparedMatrices
+    compared : MatrixComparison
     """
     colours = (TRUTH, MEAN, RENDERED)[-len(compared.rows):]
     for number, (row, colour) in enumerate(zip(compared.rows, colours, strict=True)):

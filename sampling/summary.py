@@ -52,7 +52,7 @@ def grown_by_causes(prior: LogitMixture, relative_response: np.ndarray,
     causes : mapping to (T, K, K) arrays
     """
     index = np.argmax(mixture.weights, axis=1)
-    row, with_level = np.arange(index.size), prior.level_weight.with_level[index]
+    row, with_level = np.arange(index.size), prior.with_level[index]
     S = prior.covariances[index] + mixture.stretch[row, index, None, None] \
         * with_level[:, :, None] * with_level[:, None, :]
     p = reflectance(mixture.logits[index, row])

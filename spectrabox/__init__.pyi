@@ -2,8 +2,6 @@
 from .api.camera import CameraEstimate as CameraEstimate
 from .api.camera import fit_camera as fit_camera
 from .api.chart_check import ChartCheck as ChartCheck
-from .api.colour_profile import ColourProfile as ColourProfile
-from .api.colour_profile import MatrixComparison as MatrixComparison
 from .api.estimates import MeasuredSpectra as MeasuredSpectra
 from .api.estimates import SpectrumEstimate as SpectrumEstimate
 from .api.estimates import SpectrumEstimates as SpectrumEstimates
@@ -31,6 +29,8 @@ from .api.signals import match as match
 from .api.signals import sample as sample
 from .api.texture import SplitTexture as SplitTexture
 from .api.texture import split_texture as split_texture
+from .measure.profiles.camera_profile import MatrixComparison as MatrixComparison
+from .measure.profiles.colour_profile import ColourProfile as ColourProfile
 from .measure.surfaces.colour_comparison import ColourComparison as ColourComparison
 from .radiometry.errors import CalibrationError as CalibrationError
 from .radiometry.errors import ChartNotFoundError as ChartNotFoundError

@@ -17,8 +17,8 @@ from spectrabox.measure.advice.forecast import (
     Unknown,
     left_errors,
     outlook_after,
-    outlook_now,
     outlook_of,
+    outlook_of_signals,
 )
 from spectrabox.measure.advice.further import with_photos, with_reading
 from spectrabox.measure.more_bands.filter_fit import (
@@ -60,7 +60,12 @@ def unknown_of(result, name):
     signals = alone(records.signals, records.signals.names.index(name))
     found = records.sample.spectra[name]
     return Unknown(load_prior(), 0.95, signals, found.samples.spectra.mean(axis=0),
-                   found.states.mean), flat_photos_of(capture, records)
+                   found.states.mean, np.ones(2), np.ones(2),
+                   550.0), flat_photos_of(capture, records)
+
+
+def outlook_now(unknown):
+    return outlook_of_signals(unknown.prior, unknown.level, unknown.signals)
 
 
 def test_every_action_is_explained_on_its_page():
@@ -173,7 +178,7 @@ def test_under_a_light_that_is_hardly_known_a_gel_brings_little(plain):
     before = outlook_now(dark)
     for gel in gels[:3]:
         after = outlook_after(dark, with_photos(dark, [gel], white_of_bands(curves, present),
-                                                fitted, None))
+                                                fitted))
         # it tells of the shape of the spectrum, which is a sixth of the band at most
         assert after[WIDTH] > 0.8 * before[WIDTH]
     known = outlook_after(dark, now)

@@ -262,7 +262,8 @@ def test_a_black_surface_gets_advice(cube):
     signals = records.signals
     black = replace(signals, signal=-1e-4 * np.ones_like(signals.signal))
     states = records.sample.spectra["cube"].states
-    unknown = Unknown(load_prior(), 0.95, black, np.full(PRIOR_GRID.nm.size, 0.01), states.mean)
+    unknown = Unknown(load_prior(), 0.95, black, np.full(PRIOR_GRID.nm.size, 0.01), states.mean,
+                      np.ones(2), np.ones(2), 550.0)
     assert with_level(unknown) is unknown
     after = with_lamp_moved(flat_photos_of(capture, records), "cube")
     assert np.isfinite(outlook_after(with_level(unknown), after)).all()

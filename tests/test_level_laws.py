@@ -12,7 +12,7 @@ from scipy.stats import truncnorm
 
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.spectra.named_spectra import relative_response
-from spectrabox.sampling.prior.level import GRID, level_weight, levels_of, tilt
+from spectrabox.sampling.prior.level import GRID, levels_of, tilt
 from spectrabox.sampling.prior.mixture import (
     PRIOR_GRID,
     drawn_reflectances,
@@ -81,17 +81,16 @@ def test_a_tilted_component_is_the_component_times_the_weight():
     # a wide level among narrower ones: log w is all but a parabola near its own level
     prior = load_prior()
     component, level = int(np.argmin(np.abs(prior.means.mean(axis=1)))), 0.3
-    weight = level_weight(prior.weights, prior.means, prior.covariances)
-    shift, stretch, log_weight = tilt(weight, np.array([component]), np.array([level]))
-    m, s = weight.mean[component], weight.variance[component]
+    shift, stretch, log_weight = tilt(prior, np.array([component]), np.array([level]))
+    m, s = prior.level_mean[component], prior.level_variance[component]
     mean, variance = m + shift[0] * s, s + stretch[0] * s**2
-    slope, bend = (np.interp(level, GRID, values) for values in weight.log_weight[1:])
+    slope, bend = (np.interp(level, GRID, values) for values in prior.level_weight[1:])
     near = GRID[np.abs(GRID - level) < 0.5]
     wanted = -(near - m)**2 / s / 2 + slope * (near - level) + bend * (near - level)**2 / 2
     shape = -(near - mean)**2 / variance / 2
     assert_allclose(wanted - wanted[0], shape - shape[0], atol=1e-9)
     # and it weighs as much as the integral over all levels
-    whole = -(GRID - m)**2 / s / 2 - np.log(s) / 2 + np.interp(level, GRID, weight.log_weight[0]) \
+    whole = -(GRID - m)**2 / s / 2 - np.log(s) / 2 + np.interp(level, GRID, prior.level_weight[0]) \
         + slope * (GRID - level) + bend * (GRID - level)**2 / 2
     integral = np.exp(whole).sum() * (GRID[1] - GRID[0]) / np.sqrt(2 * np.pi)
     assert np.exp(log_weight[0]) == pytest.approx(integral, rel=1e-3)
@@ -99,10 +98,9 @@ def test_a_tilted_component_is_the_component_times_the_weight():
 
 def test_families_keep_their_shares_of_a_level():
     prior = load_prior()
-    weight = prior.level_weight
-    joint = levels_of(weight, prior.weights)
-    given = np.exp(-(GRID - weight.mean[:, None])**2 / weight.variance[:, None] / 2) \
-        * (prior.weights / np.sqrt(weight.variance))[:, None]
+    joint = levels_of(prior)
+    given = np.exp(-(GRID - prior.level_mean[:, None])**2 / prior.level_variance[:, None] / 2) \
+        * (prior.weights / np.sqrt(prior.level_variance))[:, None]
     at = np.searchsorted(GRID, [-3.0, 0.0, 2.0])
     assert_allclose((joint / joint.sum(axis=0))[:, at], (given / given.sum(axis=0))[:, at],
                     rtol=1e-9)

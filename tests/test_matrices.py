@@ -77,7 +77,7 @@ def test_without_measured_curves_the_fitted_ones_judge(fitted):
     photo, calibration = fitted
     compared = compare_matrices(calibration, photo)
     assert [row.source for row in compared.rows] == [FITTED, PHOTOGRAPHED]
-    assert compared.judge == FITTED and "as the fitted curves see them" in compared.text()
+    assert compared.judge == FITTED and "as the fitted curves see them" in str(compared)
 
 
 def test_a_photographed_chart_is_balanced_whatever_its_exposure(fitted):

@@ -14,7 +14,6 @@ from test_posterior_laws import SMOOTH, mixture_of
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.sampling.evaluation.metrics import best_scale
 from spectrabox.sampling.prior.calibrated_marginals import _skewed
-from spectrabox.sampling.prior.libraries import ReflectanceLibrary
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, of_families, reflectance
 from spectrabox.sampling.prior.mixture_posterior import (
     MISFIT,
@@ -154,8 +153,7 @@ def test_a_certificate_refuses_as_many_signals_as_chance_lets_surprise(noise):
         mixture_of(PRIOR_GRID.nm, [1.0], logits, [spread]),
         familiar_surprise=float(stats.chi2(3).isf(0.2)))
     truths = reflectance(rng.multivariate_normal(logits[0], spread, 1000))
-    library = ReflectanceLibrary("dark", truths, {})
-    found = certify(known, library, seen(truths[0]).relative_response, noise, 1)
+    found = certify(known, "dark", truths, seen(truths[0]).relative_response, noise, 1)
     # 3.9 sigma, and the 0.1 % of white that is always added
     assert found.unfamiliar == pytest.approx(0.2, abs=3.9 * np.sqrt(0.16 / 1000) + 0.01)
     assert found.coverage == pytest.approx(0.95, abs=0.03)

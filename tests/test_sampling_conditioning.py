@@ -114,7 +114,7 @@ def test_errors_share_what_they_add_by_what_each_adds_as_they_grow_together():
     found = grown_by_causes(prior, one.relative_response, mixture,
                             {name: each[None] for name, each in causes.items()})
     index = int(np.argmax(mixture.weights[0]))
-    level = prior.level_weight.with_level[index]
+    level = prior.with_level[index]
     before = prior.covariances[index] + mixture.stretch[0, index] * np.outer(level, level)
     p = 1 / (1 + np.exp(-mixture.logits[index, 0]))
     jacobian = one.relative_response * p * (1 - p)

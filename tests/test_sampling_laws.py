@@ -14,7 +14,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.gloss import gloss_states
 from spectrabox.radiometry.records.scenes import LightTransport
 from spectrabox.radiometry.records.spectra import Outcome
-from spectrabox.sampling.evaluation.identification import ALIKE_NM, identify
+from spectrabox.sampling.evaluation.identification import ALIKE_NM, SpectralLibrary, identify
 from spectrabox.sampling.evaluation.metrics import curve_band
 from spectrabox.sampling.further.more_measurements import MoreMeasurement, Reading, check_possible
 from spectrabox.sampling.prior.calibrated_marginals import COARSE, marginal_moments
@@ -205,8 +205,9 @@ def test_a_true_spectrum_is_rejected_as_often_as_stated():
     for curve in library:
         own = curve + np.hypot(error[0], variation) * (root @ rng.standard_normal(61))
         signal = measured.relative_response @ own + rng.multivariate_normal(np.zeros(3), noise)
-        chances.append(identify(dataclasses.replace(measured, signal=signal), curve[None], known,
-                                standard_error=error[:1], variation=variation).p_value[0])
+        (match,), *_ = identify(dataclasses.replace(measured, signal=signal), SpectralLibrary(
+            ("",), ("",), curve[None], error[:1], ()), known, variation=variation)
+        chances.append(match.p_value)
     assert stats.kstest(chances, "uniform").pvalue > 1e-4
 
 
@@ -214,10 +215,12 @@ def test_a_true_spectrum_is_rejected_as_often_as_stated():
 def test_a_true_spectrum_is_less_evident_than_allowed_once_in_twenty(bands):
     """Against the likeliest of all signals: the ratio of densities is exp(chi-square / 2)."""
     rng, measured = np.random.default_rng(11), seen(np.full(61, 0.5), 0.01, bands)
-    found = identify(measured, np.full((1, 61), 0.5), two_components(), variation=0.0)
+    _, ratio, *_ = identify(measured, SpectralLibrary(
+        ("",), ("",), np.full((1, 61), 0.5), np.zeros((1, 61)), ()), two_components(),
+        variation=0.0)
     chi_square = np.sum(rng.standard_normal((40_000, bands))**2, axis=1)
     # 40 000 draws know a share of a twentieth to 0.11 %
-    assert np.mean(np.exp(chi_square / 2) > found.evidence_ratio) == pytest.approx(0.05, abs=0.005)
+    assert np.mean(np.exp(chi_square / 2) > ratio) == pytest.approx(0.05, abs=0.005)
 
 
 @pytest.mark.parametrize("level", [0.5, 0.95])

@@ -30,7 +30,6 @@ from spectrabox.sampling.prior.family_coverage import (
     family_coverages,
     mostly_in_doubt,
 )
-from spectrabox.sampling.prior.libraries import ReflectanceLibrary
 from spectrabox.sampling.prior.mixture import (
     EDGE,
     PREVIOUS_TAIL,
@@ -82,10 +81,7 @@ def prior():
 
 
 def library(name, seed, count=260):
-    return ReflectanceLibrary(name,
-                              np.array([surface(PRIOR_GRID.nm, 1000 * seed + i)
-                                        for i in range(count)]),
-                              {})
+    return name, np.array([surface(PRIOR_GRID.nm, 1000 * seed + i) for i in range(count)])
 
 
 def test_logit_and_reflectance_undo_each_other():
@@ -474,7 +470,7 @@ def test_the_script_writes_a_prior_of_ones_own_and_what_its_bands_held(tmp_path,
     for seed, name in enumerate(("one", "two"), 1):
         (tmp_path / name).mkdir()
         rows = [",".join(f"{value:.6f}" for value in curve)
-                for curve in (PRIOR_GRID.nm, *library(name, seed).reflectances)]
+                for curve in (PRIOR_GRID.nm, *library(name, seed)[1])]
         (tmp_path / name / "curves.csv").write_text("\n".join(rows), encoding="utf-8")
     folders = [word for name in ("one", "two")
                for word in ("--library", f"paint={tmp_path / name}")]
@@ -505,7 +501,7 @@ def test_the_script_makes_the_prior_that_ships(prior, tmp_path):
 
 
 def test_enriched_spectra_stay_reflectances():
-    made = enriched(library("one", 1, 50).reflectances)
+    made = enriched(library("one", 1, 50)[1])
     assert len(made) == 50 + 4 * 50
     assert made.min() >= 0 and made.max() <= 1
 
@@ -517,7 +513,7 @@ def test_too_little_to_learn_from_is_an_error():
     with pytest.raises(InputError, match="'jam' is no family of surfaces"):
         train({"jam": [library("one", 1)]}, relative_response, families=GREYS)
     with pytest.raises(InputError, match="20 reflectances are too few"):
-        fit_mixture(library("one", 1, 20).reflectances)
+        fit_mixture(library("one", 1, 20)[1])
     with pytest.raises(InputError, match=r"\(n, 61\) is needed"):
         fit_mixture(np.zeros((300, 31)))
 

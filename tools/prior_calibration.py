@@ -38,7 +38,6 @@ from spectrabox.radiometry.appearance import reflectance_to_lab
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.prior.families.family_models import FAMILIES, Family
 from spectrabox.sampling.prior.family_coverage import BandCertificate, FamilyCertificate
-from spectrabox.sampling.prior.libraries import ReflectanceLibrary
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, of_families
 from spectrabox.sampling.prior.mixture_posterior import (
     FAMILIAR,
@@ -55,6 +54,7 @@ from tools.prior_training import (
     LEVELS,
     MIN_CURVES,
     Fitted,
+    Library,
     Part,
     fitted_families,
     joined,
@@ -100,14 +100,14 @@ class LeftOut:
     unstated: Judgement | None  # None of a model that counts only where its family is stated
 
 
-def train(libraries: dict[str, list[ReflectanceLibrary]], relative_response: np.ndarray,
+def train(libraries: dict[str, list[Library]], relative_response: np.ndarray,
           seed: int = 0,
           families: dict[str, Family] = FAMILIES) -> tuple[LogitMixture, list[LeftOut]]:
     """Fit the prior to libraries and models, and calibrate it on each of them left out in turn.
 
     Parameters
     ----------
-    libraries : lists of ReflectanceLibrary by the name of their family, or "mixed"
+    libraries : lists of Library by the name of their family, or "mixed"
         At least two of a family that has no models, so that one can be left out.
     relative_response : (K, 61) array
         Of the camera that the calibration is made with, rows summing to 1.
@@ -120,8 +120,8 @@ def train(libraries: dict[str, list[ReflectanceLibrary]], relative_response: np.
     InputError
         For a library that cannot be left out, too few curves, or a family that there is not.
     """
-    names = [f"{library.name} ({len(library.reflectances)})"
-             for listed in libraries.values() for library in listed]
+    names = [f"{name} ({len(reflectances)})"
+             for listed in libraries.values() for name, reflectances in listed]
     parts = parts_of(libraries, families, seed, JUDGED)
     fitted = fitted_families(parts, families, seed)
     left_out = []

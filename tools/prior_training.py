@@ -18,7 +18,7 @@ import numpy as np
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.prior.families.family_models import FAMILIES, MIXTURES, Family
 from spectrabox.sampling.prior.families.made_materials import pigment_mixtures
-from spectrabox.sampling.prior.libraries import ReflectanceLibrary, without_near_duplicates
+from spectrabox.sampling.prior.libraries import without_near_duplicates
 from spectrabox.sampling.prior.mixture import (
     EDGE,
     PRIOR_GRID,
@@ -39,6 +39,7 @@ SHIFT_NM = 12.5
 # of bands before calibration, for how wide they are: chosen on the libraries left out in turn
 WIDTH_POWER = -0.3
 MIXED = "mixed"                 # in place of a family: surfaces of several
+Library = tuple[str, np.ndarray]        # its name, and measured reflectances (n, 61)
 
 
 @dataclass(frozen=True)
@@ -145,13 +146,13 @@ def _components(fitted: dict[str, LogitMixture], names: tuple[str, ...]) -> Comp
                                 [one.weights.size for one in each]))
 
 
-def parts_of(libraries: dict[str, list[ReflectanceLibrary]], families: dict[str, Family],
-             seed: int, judged: int) -> list[Part]:
+def parts_of(libraries: dict[str, list[Library]], families: dict[str, Family], seed: int,
+             judged: int) -> list[Part]:
     """Everything that a prior is fitted to: libraries by family, and what the models make.
 
     Parameters
     ----------
-    libraries : lists of ReflectanceLibrary by the name of their family, or "mixed"
+    libraries : lists of Library by the name of their family, or "mixed"
     families : with the models
     seed : int
         Of what the models make.
@@ -168,9 +169,8 @@ def parts_of(libraries: dict[str, list[ReflectanceLibrary]], families: dict[str,
         if family not in (*families, MIXED):
             raise InputError(f"{family!r} is no family of surfaces; known are "
                              f"{', '.join(families)} and {MIXED}")
-        for library in listed:
-            curves = library.reflectances
-            parts.append(Part(library.name, "paint" if family == MIXED else family, True,
+        for library, curves in listed:
+            parts.append(Part(library, "paint" if family == MIXED else family, True,
                               family == MIXED, False, without_near_duplicates(curves),
                               curves[rng.permutation(len(curves))[:judged]]))
     for stated in (False, True):

@@ -18,11 +18,11 @@ import numpy as np
 
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.spectra.named_spectra import relative_response
-from spectrabox.sampling.prior.libraries import ReflectanceLibrary, read_library
+from spectrabox.sampling.prior.libraries import read_library
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, save_prior
 
 from tools.prior_calibration import LeftOut, band_figures, train
-from tools.prior_training import MIXED
+from tools.prior_training import MIXED, Library
 
 LIBRARIES = {"paint": ("kremer_pigments", "ntu_watercolour"), MIXED: ("rawtoaces190",),
              "earth": ("usgs_minerals", "cassava")}
@@ -61,9 +61,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         parser.error("give DATA or --library FAMILY=FOLDER")
     folders = [text.partition("=")[::2] for text in given.library] if given.library else \
         [(family, given.data / name) for family, names in LIBRARIES.items() for name in names]
-    libraries: dict[str, list[ReflectanceLibrary]] = {}
+    libraries: dict[str, list[Library]] = {}
     for family, folder in folders:
-        libraries.setdefault(family, []).append(read_library(Path(folder)))
+        path = Path(folder)
+        libraries.setdefault(family, []).append((path.resolve().name, read_library(path)))
     prior, left_out = train(libraries, response(), SEED)
     save_prior(given.out, prior)
     print(table(prior, left_out))

@@ -60,7 +60,7 @@ def main() -> None:
     if arguments.data is not None:
         folders = sorted(path for path in (arguments.data / "reflectance").iterdir()
                          if path.is_dir())
-        sets = {folder.name: read_library(folder).reflectances for folder in folders} | sets
+        sets = {folder.name: read_library(folder) for folder in folders} | sets
     table: list[dict[str, Any]] = []
     for name, curves in sets.items():
         errors = {count: rmse(nearest_splines(curves, basis) @ basis.T, curves)

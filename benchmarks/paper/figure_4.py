@@ -88,7 +88,7 @@ def measured_spectra(data: Path | None) -> tuple[np.ndarray, str]:
     folders = sorted(path for path in (data / "reflectance").iterdir() if path.is_dir())
     chosen = []
     for folder in folders:
-        curves = read_library(folder).reflectances
+        curves = read_library(folder)
         chosen += list(curves[np.linspace(0, len(curves) - 1,
                                           -(-SPECTRA // len(folders))).astype(int)])
     fine = np.array([np.interp(GRID.nm, PRIOR_GRID.nm, curve) for curve in chosen[:SPECTRA]])

@@ -215,8 +215,7 @@ def main() -> None:
     if arguments.data is not None:
         folders = sorted(path for path in (arguments.data / "reflectance").iterdir()
                          if path.is_dir())
-        curves = np.concatenate([curves, *(read_library(folder).reflectances
-                                           for folder in folders)])
+        curves = np.concatenate([curves, *(read_library(folder) for folder in folders)])
     chart = sets["BabelColor Average"]
     rgb = shaded_picture(chart, rng)
     cube = np.clip(network(curves, rng).predict(rgb.reshape(-1, 3)), 0, 1).reshape(*rgb.shape[:2],

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -74,24 +73,6 @@ SEEN = (spectra.Outcome.FAMILIAR, spectra.Outcome.UNFAMILIAR, spectra.Outcome.BE
         spectra.Outcome.UNSAID)
 
 
-@dataclass(frozen=True, eq=False)
-class _Surface:
-    """One surface with what was found of it."""
-
-    unknown: forecasting.Unknown
-    found: np.ndarray           # (2,) outlook by its draws
-    solved: np.ndarray          # (2,) by the forecast's way
-    reading_nm: float
-    stated: str | None          # how much it mirrors
-    matt: float                 # probability of that
-
-    def advice(self, action: str, after: np.ndarray, subject: str = "",
-               stops: Sequence[float] = (), dark: Sequence[int] = ()) -> advice_kinds.Advice:
-        """One action, as a ratio to what was found."""
-        return advice_kinds.advice(action, self.found, self.found * after / self.solved, subject,
-                                   stops, dark)
-
-
 def advice_on_capture(capture: Capture, records: CaptureRecords,
                       hand: filter_fit.AtHand | None = None) -> advice_kinds.Advised:
     """What to do next of flat samples or a scene that were measured.
@@ -127,7 +108,7 @@ def advice_on_capture(capture: Capture, records: CaptureRecords,
                                 {name: surface.found for name, surface in surfaces.items()})
 
 
-def _surface_of(capture: Capture, records: CaptureRecords, index: int) -> _Surface:
+def _surface_of(capture: Capture, records: CaptureRecords, index: int) -> forecasting.Unknown:
     signals = alone(records.signals, index)
     name = signals.names[0]
     spectrum: spectra.SurfaceSpectrum = records.sample.spectra[name]
@@ -136,37 +117,35 @@ def _surface_of(capture: Capture, records: CaptureRecords, index: int) -> _Surfa
     prior = mixture.smoothness_prior() if beyond \
         else mixture.of_families(mixture.load_prior(), stated.families)
     variables = np.zeros(0) if spectrum.states is None else spectrum.states.mean
-    unknown = forecasting.Unknown(prior, spectrum.summary.level, signals,
-                                  samples.spectra.mean(axis=0), variables)
     summary = spectrum.summary
-    return _Surface(unknown, forecasting.outlook_of_answer(samples, summary.lower, summary.upper),
-                    forecasting.outlook_now(unknown), spectrum.summary.next_measurement_nm,
-                    stated.surface,
-                    0.0 if spectrum.states is None else spectrum.states.shares.get("matt", 0.0))
+    return forecasting.Unknown(
+        prior, summary.level, signals, samples.spectra.mean(axis=0), variables,
+        forecasting.outlook_of_answer(samples, summary.lower, summary.upper),
+        forecasting.outlook_of_signals(prior, summary.level, signals), summary.next_measurement_nm,
+        stated.surface,
+        0.0 if spectrum.states is None else spectrum.states.shares.get("matt", 0.0))
 
 
 def _of_flat_sample(sample: flat_actions.FlatPhotos,
-                    surface: _Surface) -> list[advice_kinds.Advice]:
+                    surface: forecasting.Unknown) -> list[advice_kinds.Advice]:
     """White card, chart nearer, flat field, lamp moved, and that it is matt."""
-    unknown, capture = surface.unknown, sample.capture
-    name = unknown.signals.names[0]
+    capture, name = sample.capture, surface.signals.names[0]
+
+    def after(signals: spectra.SurfaceSignals) -> np.ndarray:
+        return forecasting.outlook_after(surface, signals)
+
     forecasts: dict[str, Callable[[], np.ndarray]] = {
-        advice_kinds.CHART_NEARER: lambda: forecasting.outlook_after(
-            unknown, sample.signals(name, place=flat_actions.NEARER))}
+        advice_kinds.CHART_NEARER: lambda: after(sample.signals(name, place=flat_actions.NEARER))}
     if not sample.known:
-        forecasts[advice_kinds.WHITE_CARD] = lambda: forecasting.outlook_after(
-            unknown, sample.signals(name, card=True))
+        forecasts[advice_kinds.WHITE_CARD] = lambda: after(sample.signals(name, card=True))
     if not capture.flat_fields:
-        forecasts[advice_kinds.FLAT_FIELD] = lambda: forecasting.outlook_after(unknown,
-                                                                               sample.signals(
-                                                                                   name,
-                                                                                   flat_field=True))
+        forecasts[advice_kinds.FLAT_FIELD] = lambda: after(sample.signals(name, flat_field=True))
     if not capture.lamp_moved:
         forecasts[advice_kinds.LAMP_MOVED] = lambda: forecasting.outlook_after(
-            flat_actions.with_level(unknown), flat_actions.with_lamp_moved(sample, name))
+            flat_actions.with_level(surface), flat_actions.with_lamp_moved(sample, name))
     if surface.stated is None and surface.matt > LIKELY:
-        forecasts[advice_kinds.MATT] = lambda: forecasting.outlook_stated(
-            unknown, sample.signals(name, surface="matt"))
+        forecasts[advice_kinds.MATT] = lambda: forecasting.outlook_of_signals(
+            surface.prior, surface.level, sample.signals(name, surface="matt"))
     advised = []
     for action, forecast in forecasts.items():
         # with smaller errors than now, a known region may contradict the chart: nobody is told to
@@ -176,13 +155,11 @@ def _of_flat_sample(sample: flat_actions.FlatPhotos,
     return advised
 
 
-def _of_reading(surface: _Surface) -> advice_kinds.Advice:
+def _of_reading(surface: forecasting.Unknown) -> advice_kinds.Advice:
     """A reading at the wavelength where it tells most."""
     nm = surface.reading_nm
-    return surface.advice(advice_kinds.READING, forecasting.outlook_after(surface.unknown,
-                                                                          further.with_reading(
-                                                                              surface.unknown, nm)),
-                          f"{nm:.0f} nm")
+    return surface.advice(advice_kinds.READING, forecasting.outlook_after(
+        surface, further.with_reading(surface, nm)), f"{nm:.0f} nm")
 
 
 def advice_on_signal(measured: spectra.SpectralMeasurement, prior: mixture.LogitMixture,
@@ -216,17 +193,17 @@ def advice_on_signal(measured: spectra.SpectralMeasurement, prior: mixture.Logit
         return ()
     bands = spectra.default_band_names(measured.signal.size)
     estimate = TO_FINE @ posterior.mean
-    unknown = forecasting.Unknown(
+    solved = forecasting.outlook_of(posterior, level)
+    surface = forecasting.Unknown(
         posterior.prior, level,
         spectra.SurfaceSignals(
             ("signal",), (False,), measured.grid, estimate[None], bands,
             np.zeros(measured.signal.size, int), measured.relative_response, measured.signal[None],
             {error_model.PHOTO_NOISE: measured.noise_covariance[None]},
             () if measured.states is None else (measured.states,)), posterior.mean,
-        np.zeros(0) if posterior.states is None else posterior.states.mean)
-    solved = forecasting.outlook_of(posterior, level)
-    reading = next_measurement_nm(mixture.PRIOR_GRID, posterior.covariance)
-    surface = _Surface(unknown, solved if found is None else found, solved, reading, None, 0.0)
+        np.zeros(0) if posterior.states is None else posterior.states.mean,
+        solved if found is None else found, solved,
+        next_measurement_nm(mixture.PRIOR_GRID, posterior.covariance))
     known = hand or usual_at_hand()
     if curves is None or present is None:
         curves, present = measured.relative_response / grid.FINE_GRID.weights_nm, np.ones(
@@ -263,7 +240,7 @@ def stated_outlook(estimate: Estimate) -> np.ndarray | None:
                                          estimate.summary.upper)
 
 
-def _of_photos(surfaces: Mapping[str, _Surface], curves: np.ndarray, present: np.ndarray,
+def _of_photos(surfaces: Mapping[str, forecasting.Unknown], curves: np.ndarray, present: np.ndarray,
                fitted: joined_errors.ChartFitted | None, hand: filter_fit.AtHand, *,
                all_of_them: bool) -> dict[str, list[advice_kinds.Advice]]:
     """A photo more through the best of the gels, and under the best of the lamps; or through and
@@ -271,14 +248,14 @@ def _of_photos(surfaces: Mapping[str, _Surface], curves: np.ndarray, present: np
     """
     white = filter_fit.white_of_bands(curves, present)
     may = {name: surface for name, surface in surfaces.items()
-           if further.may_add_photos(surface.unknown, len(white), fitted)}
+           if further.may_add_photos(surface, len(white), fitted)}
     if not may:
         return {}
 
-    def left(surface: _Surface,
+    def left(surface: forecasting.Unknown,
              photos: Sequence[filter_fit.FurtherPhoto]) -> np.ndarray | None:
-        after = further.with_photos(surface.unknown, photos, white, fitted, surface.stated)
-        return None if after is None else forecasting.outlook_after(surface.unknown, after)
+        after = further.with_photos(surface, photos, white, fitted)
+        return None if after is None else forecasting.outlook_after(surface, after)
 
     photos = filter_fit.photos_at_hand(curves, present, hand)
     # where the band is widest a photo counts most

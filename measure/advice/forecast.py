@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from spectrabox.measure.advice.advice import Advice, advice
 from spectrabox.measure.surfaces.surface_signals import measurement
 from spectrabox.radiometry import appearance, error_model, grid
 from spectrabox.radiometry.records import spectra
@@ -41,6 +42,24 @@ class Unknown:
     signals: spectra.SurfaceSignals         # of it alone
     spectrum: np.ndarray            # (61,) mean reflectance
     variables: np.ndarray           # (V,) mean of what its states add
+    found: np.ndarray               # (2,) outlook that its answer states
+    solved: np.ndarray              # (2,) the same by the forecast's way
+    reading_nm: float               # where a reading tells most
+    stated: str | None = None       # how much it mirrors
+    matt: float = 0.0               # probability of that
+
+    def advice(self, action: str, after: np.ndarray, subject: str = "",
+               stops: Sequence[float] = (), dark: Sequence[int] = ()) -> Advice:
+        """One action, as a ratio to what was found.
+
+        Parameters
+        ----------
+        action, subject, stops, dark
+            As of `advice.advice`.
+        after : (2,) array
+            Outlook by the forecast.
+        """
+        return advice(action, self.found, self.found * after / self.solved, subject, stops, dark)
 
 
 def outlook_of(posterior: signal_posterior.SignalPosterior, level: float) -> np.ndarray:
@@ -77,22 +96,19 @@ def outlook_of_answer(samples: spectra.SpectrumSamples, lower: np.ndarray,
                      np.sqrt(np.mean(appearance.ciede2000(colour, colours)**2))])
 
 
-def outlook_now(unknown: Unknown) -> np.ndarray:
-    """Outlook (2,) of the spectrum now."""
-    return outlook_stated(unknown, unknown.signals)
-
-
-def outlook_stated(unknown: Unknown, stated: spectra.SurfaceSignals) -> np.ndarray:
-    """Outlook (2,) of the spectrum by the signal that there is, once something more is stated.
+def outlook_of_signals(prior: mixture.LogitMixture, level: float,
+                       signals: spectra.SurfaceSignals) -> np.ndarray:
+    """Outlook (2,) of a spectrum by its signal.
 
     Parameters
     ----------
-    unknown : Unknown
-    stated : SurfaceSignals
+    prior : LogitMixture
+    level : float
+        Of the band.
+    signals : SurfaceSignals
         Of the surface alone.
     """
-    return outlook_of(signal_posterior.solve_posterior(unknown.prior, measurement(stated, 0)),
-                      unknown.level)
+    return outlook_of(signal_posterior.solve_posterior(prior, measurement(signals, 0)), level)
 
 
 def outlook_after(unknown: Unknown, after: spectra.SurfaceSignals) -> np.ndarray:
@@ -105,8 +121,8 @@ def outlook_after(unknown: Unknown, after: spectra.SurfaceSignals) -> np.ndarray
         Of the surface alone, whose first bands are those of now; their signals are not looked at.
     """
     signal = _expected_signal(unknown, after)
-    return outlook_stated(
-        unknown,
+    return outlook_of_signals(
+        unknown.prior, unknown.level,
         replace(
             after, signal=signal[None],
             errors={cause: covariance if error_model.CAUSES[cause].kind ==

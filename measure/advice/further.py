@@ -54,7 +54,7 @@ def may_add_photos(unknown: Unknown, bands: int, fitted: ChartFitted | None) -> 
 
 
 def with_photos(unknown: Unknown, photos: Sequence[FurtherPhoto], white: np.ndarray,
-                fitted: ChartFitted | None, stated: str | None) -> spectra.SurfaceSignals | None:
+                fitted: ChartFitted | None) -> spectra.SurfaceSignals | None:
     """A surface in further photos through filters or under other lamps; None where what it mirrors
     under another lamp is not known.
 
@@ -67,8 +67,6 @@ def with_photos(unknown: Unknown, photos: Sequence[FurtherPhoto], white: np.ndar
         Signal of white in the first photo, that of the brightest band being 1.
     fitted : ChartFitted or None
         None: photos err by noise alone.
-    stated : str or None
-        What is stated of its surface, as of ``gloss.gloss_states``.
     """
     now = replace(unknown.signals, states=())
     measured = measurement(now, 0)
@@ -77,7 +75,8 @@ def with_photos(unknown: Unknown, photos: Sequence[FurtherPhoto], white: np.ndar
     further = response[measured.signal.size:]
     seen = [photo.same_lamp for photo in photos for dark in np.isin(
         np.arange(len(white)), photo.dark) if not dark]
-    states = _states_with(unknown.signals.states, further @ spectrum, now.signal[0], seen, stated)
+    states = _states_with(unknown.signals.states, further @ spectrum, now.signal[0], seen,
+                          unknown.stated)
     causes = {
         error_model.PHOTO_NOISE: errors.absolute, error_model.LIGHT_SCALE:
         error_model.proportional_covariance(signal, errors.relative)

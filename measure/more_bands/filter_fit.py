@@ -146,9 +146,13 @@ class FurtherPhoto:
     response: np.ndarray        # (K, 301) to reflectances; rows sum to 1
     white: np.ndarray           # (K,) signal of white, that of the brightest band being 1
     stops: float                # exposure to add for that; 0 under another lamp
-    same_lamp: bool
     light: np.ndarray           # (301,) that the camera sees
-    filter: calibration.Filter | None = None
+    filter: calibration.Filter | None = None        # None under another lamp
+
+    @property
+    def same_lamp(self) -> bool:
+        """Whether it is taken under the lamp of the first photo, through a filter."""
+        return self.filter is not None
 
     @property
     def dark(self) -> np.ndarray:
@@ -182,7 +186,7 @@ def photos_at_hand(curves: np.ndarray, present: np.ndarray, hand: AtHand) -> lis
         light = present * each.transmittance
         photo = _photo(name, curves, light)
         stops = float(np.log2(now / _white(curves, light).max()))
-        photos.append(replace(photo, stops=stops, same_lamp=True, filter=each))
+        photos.append(replace(photo, stops=stops, filter=each))
     return photos
 
 
@@ -192,7 +196,7 @@ def _photo(name: str, curves: np.ndarray, light: np.ndarray) -> FurtherPhoto:
     if np.any(white <= 0):
         raise InputError(f"a band of the camera sees nothing with {name}; leave it out")
     return FurtherPhoto(name, curves * light * grid.FINE_GRID.weights_nm / white[:, None],
-                        white / white.max(), 0.0, False, light)
+                        white / white.max(), 0.0, light)
 
 
 def white_of_bands(curves: np.ndarray, light: np.ndarray) -> np.ndarray:

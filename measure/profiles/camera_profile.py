@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -35,6 +36,9 @@ from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.records.spectra import Spectrum, WavelengthGrid
 from spectrabox.radiometry.spectra import named_spectra, spectrum_files
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
+
+if TYPE_CHECKING:   # Matplotlib takes a while to import
+    from matplotlib.axes import Axes
 
 FITTED_SET, FRESH_SET = "BabelColor Average", "CES99"   # the second is never seen by the fit
 MAX_IDT_DRAWS = 25          # an ACES matrix takes a search for each
@@ -179,14 +183,70 @@ class ComparedMatrix:
 
 
 @dataclass(frozen=True, eq=False)
-class ComparedMatrices:
-    """Matrices from several sources, and by which curves fresh surfaces were judged."""
+class MatrixComparison:
+    """Matrices of one camera, from white-balanced signals to X, Y, Z under D50: by its measured
+    curves, by the curves that a chart photo gave, and by the photographed chart alone.
+
+    Attributes
+    ----------
+    rows : tuple of ComparedMatrix
+        Each with its ``source``, ``matrix`` and ``aces`` (to ACES2065-1) with their standard
+        deviations, CIEDE2000 of the ``chart`` as photographed and of ``fresh`` surfaces (mean and
+        90th percentile), and how far its colours are ``apart`` from those of the first.
+    judge : str
+        By which curves fresh surfaces were judged.
+
+    References
+    ----------
+    Not in Xia et al. 2025. How to read it: docs/how-to/matrices.md.
+
+    Examples
+    --------
+    >>> camera = sb.fit_camera("mybox/photos/chart.dng", light="mybox/spectra/light.csv")
+    >>> matrices = camera.matrices(measured="mybox/spectra/truth_sensitivity.csv")
+    >>> print(matrices)
+    >>> matrices.plot()
+    """
 
     rows: tuple[ComparedMatrix, ...]
     judge: str
 
-    def text(self) -> str:
-        """The matrices and their colour errors, for a person."""
+    @property
+    def compared(self) -> MatrixComparison:
+        """Itself, with its rows."""
+        return self
+
+    def facts(self) -> list[dict[str, object]]:
+        """A row for each matrix, as numbers.
+
+        Returns
+        -------
+        list of dict
+        """
+        return [row.facts() for row in self.rows]
+
+    def plot(self, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
+        """The entries of the matrices and their colour errors, each with one standard deviation
+        either side.
+
+        Parameters
+        ----------
+        axes : sequence of two matplotlib Axes, optional
+            To draw into; new ones by default.
+
+        Returns
+        -------
+        sequence of two matplotlib Axes
+        """
+        import matplotlib.pyplot as plt  # takes a while to import
+
+        from spectrabox.measure import plots
+        entries, errors = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained")[1] \
+            if axes is None else axes
+        plots.plot_matrices(entries, errors, self)
+        return entries, errors
+
+    def __str__(self) -> str:
         lines = [f"CIEDE2000 under D50, mean and {PERCENTILE}th percentile: the chart as "
                  f"photographed; {colour_profiles.FRESH}, as the {self.judge} see them; how far "
                  "from the first matrix these are"]
@@ -197,9 +257,13 @@ class ComparedMatrices:
             lines += matrix_rows(row.matrix)
         return "\n".join(lines)
 
+    def __repr__(self) -> str:
+        return "<MatrixComparison: CIEDE2000 " + ", ".join(
+            f"{row.fresh[0].words} ({row.source})" for row in self.rows) + ">"
+
 
 def compare_matrices(calibration: chart_calibration.ChartCalibration, photo: chart_photo.ChartPhoto,
-                     measured: np.ndarray | None = None, seed: int = 0) -> ComparedMatrices:
+                     measured: np.ndarray | None = None, seed: int = 0) -> MatrixComparison:
     """Matrices by measured curves, by fitted ones and by the photographed chart.
 
     Parameters
@@ -258,7 +322,7 @@ def compare_matrices(calibration: chart_calibration.ChartCalibration, photo: cha
                 _colour_errors(central, each, seen,
                                appearance.lab_from_xyz(fresh @ to_xyz, colour_profile.D50)),
                 float(appearance.ciede2000(central.lab(seen), others).mean())))
-    return ComparedMatrices(tuple(rows), judge)
+    return MatrixComparison(tuple(rows), judge)
 
 
 def _measured_response(curves: np.ndarray, photo: chart_photo.ChartPhoto, rng: np.random.Generator

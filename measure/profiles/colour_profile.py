@@ -12,13 +12,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from spectrabox.calibrate import colour_profile as colour_fit
 from spectrabox.measure.pictures.crop import crop_of, node_grid
 from spectrabox.measure.regions.white import FlatErrors, FlatPhoto, white_at_regions
 from spectrabox.radiometry import error_model, interreflection, profile_files
+from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.grid import FINE_GRID, interpolation_matrix
 from spectrabox.radiometry.records import calibration, photos, spectra
 from spectrabox.radiometry.spectra.named_spectra import test_reflectances
@@ -65,23 +68,109 @@ class ColourError:
 
 @dataclass(frozen=True, eq=False)
 class ColourProfile:
-    """Transforms from a camera's signals under one light to colours under D50."""
+    """From a camera's signals under the light of its calibration to colours under D50.
+
+    Attributes
+    ----------
+    matrix, table : ColourTransform
+        The second is what tables of profiles are made of.
+    errors : dict
+        CIEDE2000 to expect, by transform ("matrix", "table", and "camera's own matrix" where the
+        photo's file has one) and by set of surfaces; spreads are those by the calibration's errors.
+    draws : int
+        Of the response, behind the spreads.
+
+    References
+    ----------
+    Not in Xia et al. 2025. Finlayson, Mackiewicz and Hurlbert 2015 (root polynomials); errors:
+    docs/results/profiles.md.
+
+    Examples
+    --------
+    >>> camera = sb.fit_camera("mybox/photos/chart.dng", light="mybox/spectra/light.csv")
+    >>> profile = camera.colour_profile(families="paint")
+    >>> profile.lab([0.3, 0.25, 0.2])
+    >>> profile.save("mycamera.icc", "My camera under LED")
+    """
 
     matrix: colour_fit.ColourTransform
-    table: colour_fit.ColourTransform               # what tables of profiles are made of
-    errors: dict[str, dict[str, ColourError]]       # by transform, by set of surfaces
-    draws: int                                      # of the response, behind the spreads
+    table: colour_fit.ColourTransform
+    errors: dict[str, dict[str, ColourError]]
+    draws: int
+
+    @property
+    def profile(self) -> ColourProfile:
+        """Itself, with its matrix and its table."""
+        return self
+
+    def lab(self, signals: ArrayLike) -> np.ndarray:
+        """L*, a*, b* (..., 3) under D50 by the table's transform.
+
+        Parameters
+        ----------
+        signals : (..., 3) array
+            Of the camera's bands relative to white.
+
+        Returns
+        -------
+        (..., 3) array
+        """
+        return self.table.lab(np.asarray(signals, float))
+
+    def save(self, path: str | Path, name: str) -> tuple[Path, ...]:
+        """Write the profile for other programs.
+
+        Parameters
+        ----------
+        path : path
+            Ends in .icc, .clf or .ocio; the .clf file of an .ocio configuration is written beside
+            it.
+        name : str
+            As programs list it.
+
+        Returns
+        -------
+        tuple of Path
+            That were written.
+
+        Raises
+        ------
+        InputError
+            For another ending.
+        EnvironmentProblem
+            If a file cannot be written.
+        """
+        target = Path(path)
+        if target.suffix.lower() not in profile_files.FORMS:
+            raise InputError(f"{target.name}: a colour profile ends in "
+                             f"{', '.join(profile_files.FORMS)}")
+        return profile_files.write_profile(target, name, self.matrix.coefficients, self.table.xyz)
 
     def facts(self) -> dict[str, dict[str, dict[str, Spread]]]:
-        """Errors by transform and set of surfaces, each with its spread."""
+        """Errors by transform and set of surfaces, each with its spread.
+
+        Returns
+        -------
+        dict
+        """
         return {name: {of: one.facts() for of, one in sets.items()}
                 for name, sets in self.errors.items()}
 
     def error_lines(self) -> list[str]:
-        """A line for each transform and set."""
+        """A line for each transform and set.
+
+        Returns
+        -------
+        list of str
+        """
         return [f"  {name}, {of}: mean {facts['mean'].words}, 95 % below "
                 f"{facts['percentile_95'].words}"
                 for name, sets in self.facts().items() for of, facts in sets.items()]
+
+    def __repr__(self) -> str:
+        *_, expected = self.errors.values()
+        return "<ColourProfile: CIEDE2000 " + ", ".join(
+            f"{one.mean:.2f} ({of})" for of, one in expected.items()) + ">"
 
 
 def colour_profile(response: np.ndarray, draws: np.ndarray | None = None,
@@ -128,6 +217,27 @@ def colour_profile(response: np.ndarray, draws: np.ndarray | None = None,
               for name, transform in transforms.items()}
     return ColourProfile(transforms[MATRIX], transforms[TABLE], errors,
                          0 if draws is None else len(cameras))
+
+
+def profile_of(calibration: calibration.Calibration, families: Sequence[str],
+               camera_from_xyz: np.ndarray | None) -> ColourProfile:
+    """The colour profile of a calibration.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    families, camera_from_xyz
+        As of ``colour_profile``.
+
+    Raises
+    ------
+    InputError
+        If the camera has other than three bands, or a word names no family.
+    """
+    if len(calibration.sensitivity.curves) != 3:
+        raise InputError(f"the camera has {len(calibration.sensitivity.curves)} bands; a colour "
+                         "profile is of three: R, G and B")
+    return colour_profile(*response_of_calibration(calibration), families, camera_from_xyz)
 
 
 def response_of_calibration(calibration: calibration.Calibration

@@ -11,25 +11,17 @@ from spectrabox.measure import texts
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.spectra import SpectralMeasurement
-from spectrabox.sampling.evaluation.identification import Identification, SpectralLibrary, identify
+from spectrabox.sampling.evaluation.identification import (
+    SpectralLibrary,
+    SpectrumMatch,
+    identify,
+)
 from spectrabox.sampling.prior.mixture import LogitMixture
 from spectrabox.sampling.spectral_measurement import without_states
 
 LIKELY_NONE = 0.95      # probability from which another surface is called more likely
 MAX_VARIATION = 0.5     # of white
 HEADINGS = ("spectrum", "library", "evidence", "misfit", "by chance", "")
-
-
-@dataclass(frozen=True)
-class SpectrumMatch:
-    """One spectrum of a library against a signal; fields are named as in ``--json``."""
-
-    name: str
-    library: str
-    log_evidence: float         # nats
-    misfit: float               # Mahalanobis distance, in standard errors
-    p_value: float
-    indistinguishable: bool
 
 
 @dataclass(frozen=True, repr=False)
@@ -102,29 +94,22 @@ def match_signal(surface: str, measurement: SpectralMeasurement, library: Spectr
     if evidence_ratio is not None and not 1 < evidence_ratio < np.inf:
         raise InputError(f"an evidence ratio of {evidence_ratio:g} was given; a number above 1 is "
                          "needed, such as 100")
-    identification = identify(without_states(measurement), library.spectra, prior,
-                              standard_error=library.standard_error, variation=variation,
-                              evidence_ratio=evidence_ratio)
-    fits = identification.indistinguishable
-    matches = [SpectrumMatch(library.names[index], library.libraries[index],
-                             float(identification.log_evidence[index]),
-                             float(identification.misfit[index]),
-                             float(identification.p_value[index]), bool(fits[index]))
-               for index in np.argsort(-identification.log_evidence, kind="stable")]
-    return SurfaceMatch(surface, matches, int(fits.sum()), identification.evidence_ratio,
-                        identification.log_evidence_of_none, identification.probability_of_none,
-                        not fits.any(), (matched(identification, library.names),))
+    matches, ratio, log_evidence_of_none, probability = identify(
+        without_states(measurement), library, prior, variation=variation,
+        evidence_ratio=evidence_ratio)
+    count = sum(match.indistinguishable for match in matches)
+    return SurfaceMatch(surface, sorted(matches, key=lambda match: -match.log_evidence), count,
+                        ratio, log_evidence_of_none, probability, not count,
+                        (matched(matches, probability),))
 
 
-def matched(identification: Identification, names: tuple[str, ...]) -> Finding:
-    """What an identification says of the surface."""
-    fits = identification.indistinguishable
-    count = int(fits.sum())
-    nearest = int(np.argmax(fits)) if count == 1 else int(np.argmin(identification.misfit))
-    code = ("match.none" if not count else
-            "match.another-likelier" if identification.probability_of_none > LIKELY_NONE else
-            "match.one" if count == 1 else "match.several")
+def matched(matches: Sequence[SpectrumMatch], probability_of_none: float) -> Finding:
+    """What the matches of a library say of the surface."""
+    fits = [match for match in matches if match.indistinguishable]
+    nearest = fits[0] if len(fits) == 1 else min(matches, key=lambda match: match.misfit)
+    code = ("match.none" if not fits else
+            "match.another-likelier" if probability_of_none > LIKELY_NONE else
+            "match.one" if len(fits) == 1 else "match.several")
     return Finding(code, Severity.INFO, values={
-        "spectra": len(names), "fits": count, "nearest": names[nearest],
-        "misfit": float(identification.misfit[nearest]),
-        "probability": float(identification.probability_of_none)})
+        "spectra": len(matches), "fits": len(fits), "nearest": nearest.name,
+        "misfit": nearest.misfit, "probability": probability_of_none})

@@ -30,47 +30,78 @@ BY_CHANCE = 0.05        # the usual ratio: the one that a true spectrum exceeds 
 
 
 @dataclass(frozen=True, eq=False)
-class Identification(shaped.Record):
-    """How well each of n spectra of a library explains one signal, and the learnt prior's say."""
+class SpectralLibrary(shaped.Record):
+    """Reflectances of n materials by name, on one grid.
 
-    log_evidence: Annotated[np.ndarray, "n"]        # nats
-    misfit: Annotated[np.ndarray, "n"]              # Mahalanobis distance, in standard errors
-    p_value: Annotated[np.ndarray, "n"]             # of a misfit at least as large, by chance
-    indistinguishable: Annotated[np.ndarray, "n"]   # bool: not rejected, and near the best
-    evidence_ratio: float                           # how near
-    log_evidence_of_none: float                     # under the learnt prior
-    probability_of_none: float                      # at even odds of the library and the prior
+    Attributes
+    ----------
+    names, libraries : tuples of n str
+        Of the material, and of the library it is from.
+    spectra, standard_error : (n, P) arrays
+        The error is 0 where nobody stated it.
+    left_out : tuple of str
+        Sentences on spectra that could not be used.
+    """
+
+    names: tuple[str, ...]
+    libraries: tuple[str, ...]
+    spectra: Annotated[np.ndarray, "n P"]
+    standard_error: Annotated[np.ndarray, "n P"]
+    left_out: tuple[str, ...]
 
 
-def identify(measurement: SpectralMeasurement, spectra: np.ndarray, prior: mixture.LogitMixture, *,
-             standard_error: np.ndarray | None = None, variation: float = VARIATION,
-             evidence_ratio: float | None = None) -> Identification:
+@dataclass(frozen=True)
+class SpectrumMatch:
+    """One spectrum of a library against a signal; fields are named as in ``--json``."""
+
+    name: str
+    library: str
+    log_evidence: float         # nats
+    misfit: float               # Mahalanobis distance, in standard errors
+    p_value: float              # of a misfit at least as large, by chance
+    indistinguishable: bool     # not rejected, and near the best
+
+
+def identify(measurement: SpectralMeasurement, library: SpectralLibrary,
+             prior: mixture.LogitMixture, *, variation: float = VARIATION,
+             evidence_ratio: float | None = None
+             ) -> tuple[list[SpectrumMatch], float, float, float]:
     """Evidence of every spectrum of a library for one signal, and of none of them.
 
     Parameters
     ----------
     measurement : SpectralMeasurement
         0.1 % of white is added to its noise, as samplers do.
-    spectra : (n, P) array
-        On the measurement's wavelengths.
+    library : SpectralLibrary
+        Of n spectra on the measurement's wavelengths.
     prior : LogitMixture
         What else the surface may be.
-    standard_error : (n, P) array, optional
-        Of the spectra, 0 where nobody stated it.
     variation : float
         Standard deviation between samples of one material, of white.
     evidence_ratio : float, optional
         How much less evident than the best a spectrum may be and still not be told apart from it,
         above 1. By default the ratio that a true spectrum exceeds with a probability of 5 % at
         most: exp(q / 2) with the 95 % quantile q of chi-square.
+
+    Returns
+    -------
+    matches : list of n SpectrumMatch
+        In the library's order.
+    evidence_ratio : float
+        How near the best is near.
+    log_evidence_of_none : float
+        Under the learnt prior, in nats.
+    probability_of_none : float
+        At even odds of the library and the prior.
     """
     from scipy.special import chdtrc, chdtri
 
     bands = len(measurement.signal)
     noise = mixture_posterior.with_floor(measurement.noise_covariance)
     # one row does for all where nobody stated errors
-    stated = np.zeros_like(spectra[:1]) if standard_error is None or not standard_error.any() \
-        else standard_error
+    spectra, stated = library.spectra, library.standard_error
+    if not stated.any():
+        stated = np.zeros_like(spectra[:1])
     covariance = noise + _sample_covariance(measurement, np.sqrt(stated**2 + variation**2))
     covariance = np.broadcast_to(covariance, (len(spectra), bands, bands))
     residual = measurement.signal - spectra @ measurement.relative_response.T
@@ -86,9 +117,10 @@ def identify(measurement: SpectralMeasurement, spectra: np.ndarray, prior: mixtu
                                     measurement.signal[None],
                                     measurement.noise_covariance).log_evidence[0])
     of_library = evidence.max() + np.log(np.mean(np.exp(evidence - evidence.max())))
-    return Identification(evidence, np.sqrt(distance), p_value, near & allowed,
-                          float(ratio), none,
-                          float(0.5 * (1 + np.tanh(0.5 * (none - of_library)))))
+    matches = [SpectrumMatch(*row) for row in zip(
+        library.names, library.libraries, evidence.tolist(), np.sqrt(distance).tolist(),
+        p_value.tolist(), (near & allowed).tolist(), strict=True)]
+    return matches, float(ratio), none, float(0.5 * (1 + np.tanh(0.5 * (none - of_library))))
 
 
 def _sample_covariance(measurement: SpectralMeasurement, deviation: np.ndarray) -> np.ndarray:
@@ -109,27 +141,6 @@ UNNAMED = ("", "value", "reflectance")  # names of a column that say nothing: th
 
 
 Row = tuple[str, np.ndarray, np.ndarray]    # name, spectrum (P,), standard error (P,)
-
-
-@dataclass(frozen=True, eq=False)
-class SpectralLibrary(shaped.Record):
-    """Reflectances of n materials by name, on one grid.
-
-    Attributes
-    ----------
-    names, libraries : tuples of n str
-        Of the material, and of the library it is from.
-    spectra, standard_error : (n, P) arrays
-        The error is 0 where nobody stated it.
-    left_out : tuple of str
-        Sentences on spectra that could not be used.
-    """
-
-    names: tuple[str, ...]
-    libraries: tuple[str, ...]
-    spectra: Annotated[np.ndarray, "n P"]
-    standard_error: Annotated[np.ndarray, "n P"]
-    left_out: tuple[str, ...]
 
 
 def read_spectral_libraries(words: Sequence[str], grid: WavelengthGrid) -> SpectralLibrary:

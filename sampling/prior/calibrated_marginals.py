@@ -172,7 +172,7 @@ def _pairs(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndarr
     for index in range(len(prior.weights)):
         rows = component == index
         base[rows] = jacobian[rows] @ prior.covariances[index]
-    with_level = prior.level_weight.with_level[component]
+    with_level = prior.with_level[component]
     stretch = mixture.stretch[signal, component]
     base = level.with_stretch(base, jacobian, with_level, stretch)
     means = prior.means[component] + mixture.shift[signal, component, None] * with_level

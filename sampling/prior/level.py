@@ -24,10 +24,13 @@ that w is so approximated where the mode lies.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import logsumexp
+
+if TYPE_CHECKING:
+    from spectrabox.sampling.prior.mixture import LogitMixture
 
 GRID = np.linspace(-8, 8, 801)      # mean logits
 # reflectances of 0.004 and 0.996: levels beyond grow rare as in the tail of a normal logit
@@ -37,28 +40,15 @@ SMOOTHED = 0.4                      # logits: w tells no finer how frequent a le
 MOST_OF_CURVATURE = 0.9
 
 
-@dataclass(frozen=True, eq=False)
-class LevelWeight:
-    """log w on GRID, and the levels of the C components."""
-
-    log_weight: np.ndarray      # (3, 801) and the first two derivatives of what moves the mode
-    mean: np.ndarray            # (C,)
-    variance: np.ndarray        # (C,)
-    with_level: np.ndarray      # (C, P) S u
-
-
-def level_weight(weights: np.ndarray, means: np.ndarray, covariances: np.ndarray) -> LevelWeight:
-    """The w that makes the level of a mixture uniform in reflectance.
+def level_weight(prior: LogitMixture) -> np.ndarray:
+    """log w (3, 801) on GRID of the w that makes the level of a mixture uniform in reflectance, and
+    the first two derivatives of what moves the mode.
 
     Parameters
     ----------
-    weights : (C,) array
-    means : (C, P) array
-        Of logits.
-    covariances : (C, P, P) array
+    prior : LogitMixture
     """
-    with_level = covariances.mean(axis=2)
-    mean, variance = means.mean(axis=1), with_level.mean(axis=1)
+    weights, mean, variance = prior.weights, prior.level_mean, prior.level_variance
     wide = variance + SMOOTHED**2
     away = (GRID[:, None] - mean) / wide
     terms = np.log(weights / np.sqrt(wide)) - away**2 * wide / 2
@@ -74,18 +64,17 @@ def level_weight(weights: np.ndarray, means: np.ndarray, covariances: np.ndarray
     density = np.exp(log_weight - (GRID - mean[:, None])**2 / variance[:, None] / 2) \
         * (weights / np.sqrt(2 * np.pi * variance))[:, None]
     log_weight -= np.log(density.sum() * (GRID[1] - GRID[0]) / weights.sum())
-    return LevelWeight(np.array([log_weight, -slope - beyond, -bend - (beyond != 0)]),
-                       mean, variance, with_level)
+    return np.array([log_weight, -slope - beyond, -bend - (beyond != 0)])
 
 
-def tilt(weight: LevelWeight, component: np.ndarray | int, level: np.ndarray,
+def tilt(prior: LogitMixture, component: np.ndarray | int, level: np.ndarray,
          share: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """What w makes of components about levels (n,): the shift (n,) of the mean, by S u, the stretch
     (n,) of the covariance, by S u u' S, and the log weight (n,).
 
     Parameters
     ----------
-    weight : LevelWeight
+    prior : LogitMixture
     component : (n,) int array, or int
     level : (n,) array
         Mean logits.
@@ -95,12 +84,12 @@ def tilt(weight: LevelWeight, component: np.ndarray | int, level: np.ndarray,
     at = np.clip(level, GRID[0], GRID[-1])
     place = (at - GRID[0]) / (GRID[1] - GRID[0])
     below = np.minimum(place.astype(int), GRID.size - 2)
-    part, near = place - below, weight.log_weight.take([below, below + 1], axis=1)
+    part, near = place - below, prior.level_weight.take([below, below + 1], axis=1)
     log_weight, slope, bend = (1 - part) * near[:, 0] + part * near[:, 1]
     if share is not None:
         T = 1 / (1 + np.exp(-at))
         slope, bend = slope + share * (1 - T), bend - share * T * (1 - T)
-    m, s = weight.mean[component], weight.variance[component]
+    m, s = prior.level_mean[component], prior.level_variance[component]
     bend = np.minimum(bend, MOST_OF_CURVATURE / s)
     variance = s / (1 - bend * s)
     mean = variance * (m / s + slope - bend * at)
@@ -126,42 +115,29 @@ def with_stretch(products: np.ndarray, rows: np.ndarray, with_level: np.ndarray,
     return np.asarray(products + of_level[..., None] * with_level[..., None, :])
 
 
-def no_weight(weight: LevelWeight) -> LevelWeight:
-    """The weight that leaves a mixture as it is.
-
-    Parameters
-    ----------
-    weight : LevelWeight
-        Of the mixture.
-    """
-    return replace(weight, log_weight=np.zeros_like(weight.log_weight))
-
-
-def levels_of(weight: LevelWeight, weights: np.ndarray) -> np.ndarray:
+def levels_of(prior: LogitMixture) -> np.ndarray:
     """Probabilities (C, 801) of each component and level of GRID, which sum to 1.
 
     Parameters
     ----------
-    weight : LevelWeight
-    weights : (C,) array
-        Of the components.
+    prior : LogitMixture
     """
-    away = (GRID - weight.mean[:, None])**2 / weight.variance[:, None]
-    density = np.exp(weight.log_weight[0] - away / 2) \
-        * (weights / np.sqrt(weight.variance))[:, None]
+    away = (GRID - prior.level_mean[:, None])**2 / prior.level_variance[:, None]
+    density = np.exp(prior.level_weight[0] - away / 2) \
+        * (prior.weights / np.sqrt(prior.level_variance))[:, None]
     return np.asarray(density / density.sum())
 
 
-def moved_to_level(weight: LevelWeight, component: int, logits: np.ndarray,
+def moved_to_level(prior: LogitMixture, component: int, logits: np.ndarray,
                    level: np.ndarray) -> np.ndarray:
     """Draws (n, P) of a component as they are at levels (n,).
 
     Parameters
     ----------
-    weight : LevelWeight
+    prior : LogitMixture
     component : int
     logits : (n, P) array
     level : (n,) array
     """
-    by_level = weight.with_level[component] / weight.variance[component]
+    by_level = prior.with_level[component] / prior.level_variance[component]
     return logits + (level - logits.mean(axis=1))[:, None] * by_level

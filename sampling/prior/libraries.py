@@ -12,7 +12,6 @@ import json
 import re
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -34,19 +33,8 @@ ABSORBANCES = ("ikeogu.2017.rda",)
 Curves = tuple[np.ndarray, np.ndarray]  # wavelengths (Q,) in nm, reflectances (n, Q)
 
 
-@dataclass(frozen=True)
-class ReflectanceLibrary:
-    """Reflectances (n, 61) at 400, 405 ... 700 nm; ``left_out`` says how many curves were not
-    usable, and why.
-    """
-
-    name: str
-    reflectances: np.ndarray
-    left_out: dict[str, int]
-
-
-def read_library(folder: Path) -> ReflectanceLibrary:
-    """All usable reflectances of a folder.
+def read_library(folder: Path) -> np.ndarray:
+    """All usable reflectances (n, 61) of a folder, at 400, 405 ... 700 nm.
 
     Left out are curves with gaps, that leave [0, 1] anywhere in 400-700 nm (fluorescent, or wrongly
     scaled), or that do not cover it to within 6 nm, and whole files whose values elsewhere show
@@ -77,7 +65,7 @@ def read_library(folder: Path) -> ReflectanceLibrary:
         raise InputError(f"{folder.resolve().name} holds no usable reflectance "
                          f"({left_out_words(left_out) or 'no file of a known format'}); known are "
                          f"{', '.join(READERS)}, with values between 0 and 1 from 400 to 700 nm")
-    return ReflectanceLibrary(folder.resolve().name, reflectances, left_out)
+    return reflectances
 
 
 def usable(nm: np.ndarray, curves: np.ndarray) -> tuple[np.ndarray, dict[str, int]]:

@@ -214,7 +214,7 @@ def _around(prior: LogitMixture, relative_response: np.ndarray, signals: np.ndar
     for index in np.unique(component):
         rows = component == index
         base[rows] = jacobian[rows] @ prior.covariances[index]
-    with_level = prior.level_weight.with_level[component]
+    with_level = prior.with_level[component]
     base = with_stretch(base, jacobian, with_level, mixture.stretch[centre, component])
     means = prior.means[component] + mixture.shift[centre, component, None] * with_level
     of_signal = base @ jacobian.transpose(0, 2, 1)

@@ -83,10 +83,25 @@ class LogitMixture(shaped.Record):
         return f"<LogitMixture of {', '.join(self.families)}>"
 
     @cached_property
-    def level_weight(self) -> level.LevelWeight:
-        """By which the mixture is multiplied at every level."""
-        weight = level.level_weight(self.weights, self.means, self.covariances)
-        return weight if self.uniform_level else level.no_weight(weight)
+    def with_level(self) -> np.ndarray:
+        """Covariance (C, P) of each component's logits with their mean over wavelength, its level.
+        """
+        return self.covariances.mean(axis=2)
+
+    @cached_property
+    def level_mean(self) -> np.ndarray:
+        """Mean (C,) of each component's level."""
+        return self.means.mean(axis=1)
+
+    @cached_property
+    def level_variance(self) -> np.ndarray:
+        """Variance (C,) of each component's level."""
+        return self.with_level.mean(axis=1)
+
+    @cached_property
+    def level_weight(self) -> np.ndarray:
+        """By which the mixture is multiplied at every level, as of ``level.level_weight``."""
+        return level.level_weight(self) if self.uniform_level else np.zeros((3, level.GRID.size))
 
     def band_factor(self, level: float, weights: np.ndarray) -> np.ndarray:
         """Factors (T, P) by which central bands of ``level`` are widened, for weights (T, C)."""
@@ -206,16 +221,15 @@ def drawn_reflectances(prior: LogitMixture, draws: int) -> np.ndarray:
         T.
     """
     rng = np.random.default_rng(0)
-    levels = level.levels_of(prior.level_weight, prior.weights) if prior.uniform_level else None
+    levels = level.levels_of(prior) if prior.uniform_level else None
     shares = prior.weights / prior.weights.sum() if levels is None else levels.sum(axis=1)
     counts = rng.multinomial(draws, shares)
     logits = [rng.multivariate_normal(mean, covariance.astype(float), count)
               for mean, covariance, count in zip(prior.means, prior.covariances, counts,
                                                  strict=True)]
     if levels is not None:
-        logits = [level.moved_to_level(prior.level_weight, index, one,
-                                       rng.choice(level.GRID, len(one),
-                                                  p=levels[index] / shares[index]))
+        logits = [level.moved_to_level(prior, index, one, rng.choice(
+            level.GRID, len(one), p=levels[index] / shares[index]))
                   for index, one in enumerate(logits)]
     return reflectance(np.vstack(logits))
 

@@ -372,7 +372,7 @@ def laplace(prior: LogitMixture, pairs: Pairs, rows: np.ndarray) -> tuple[np.nda
         [here.gain_base, here.noise, here.residual[..., None]], axis=2))
     bands, wavelengths = here.gain_base.shape[1:]
     own = pairs.of(np.diagonal(prior.covariances, axis1=1, axis2=2), rows)
-    with_level = pairs.of(prior.level_weight.with_level, rows)
+    with_level = pairs.of(prior.with_level, rows)
     variance = own + here.stretch[:, None] * with_level**2 \
         - np.einsum("tkp,tkp->tp", here.gain_base, solved[..., :wavelengths])
     surprise = np.einsum("tk,tk->t", here.residual, solved[..., -1])
@@ -418,9 +418,9 @@ def linearised(prior: LogitMixture, pairs: Pairs, rows: np.ndarray,
             share = np.einsum("tk,tkl,tl->t", light, relative.covariance, light) \
                 / noise.sum(axis=(1, 2))
     shift, stretch, log_weight = tilt(
-        prior.level_weight, pairs.of(np.arange(len(prior.means)), rows),
+        prior, pairs.of(np.arange(len(prior.means)), rows),
         x.mean(axis=1) if level is None else level[rows], share)
-    with_level = pairs.of(prior.level_weight.with_level, rows)
+    with_level = pairs.of(prior.with_level, rows)
     mean = pairs.of(prior.means, rows) + shift[:, None] * with_level
     slope = p * (1 - p)
     jacobian = pairs.relative_response * slope[:, None, :]

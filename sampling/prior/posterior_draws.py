@@ -103,7 +103,7 @@ def _component_sampler(prior: LogitMixture, mixture: mixture_posterior.MixturePo
     centre = mixture.logits[index, 0]
     p = reflectance(centre)
     jacobian = relative_response * (p * (1 - p))
-    with_level, stretch = prior.level_weight.with_level[index], mixture.stretch[0, index]
+    with_level, stretch = prior.with_level[index], mixture.stretch[0, index]
     own = prior.covariances[index] + stretch * np.outer(with_level, with_level)
     base = own @ jacobian.T
     prior_of_signal = jacobian @ base

@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike
 
 from spectrabox.api import arguments, photo, shoot_arguments
 from spectrabox.api.chart_check import ChartCheck
-from spectrabox.api.colour_profile import ColourProfile, MatrixComparison, profile_of
 from spectrabox.calibrate import chart_findings, doubts
 from spectrabox.measure import camera, plots
-from spectrabox.measure.profiles.camera_profile import compare_matrices
+from spectrabox.measure.profiles.camera_profile import MatrixComparison, compare_matrices
+from spectrabox.measure.profiles.colour_profile import ColourProfile, profile_of
 from spectrabox.radiometry import chart, errors, files
 from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records import photos, spectra
@@ -169,9 +169,8 @@ class CameraEstimate:
             If the camera has other than three bands, the light of measured curves is not stated, or
             a name is not known.
         """
-        return MatrixComparison(
-            compare_matrices(self.fit.chart, self.fit.photos[0],
-                             None if measured is None else arguments.as_curves(measured)))
+        return compare_matrices(self.fit.chart, self.fit.photos[0],
+                                None if measured is None else arguments.as_curves(measured))
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """The curves, shaded to two standard errors either side, as in the report.

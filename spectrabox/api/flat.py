@@ -9,12 +9,12 @@ from numpy.typing import ArrayLike
 
 from spectrabox.api import arguments, estimates, shoot_arguments
 from spectrabox.api.chart_check import ChartCheck
-from spectrabox.api.colour_profile import ColourProfile, profile_of
 from spectrabox.api.photo import Photo
 from spectrabox.api.progress import ProgressLike, progress_steps
 from spectrabox.calibrate import chart_findings
 from spectrabox.capture.photo.preview import photo_orientation
 from spectrabox.measure.captured import FIRST_PHOTO, FlatCapture
+from spectrabox.measure.profiles.colour_profile import ColourProfile, profile_of
 from spectrabox.measure.records import CaptureRecords, PictureRecords
 from spectrabox.measure.results.flat_result import flat_result
 from spectrabox.measure.steps.measurement import MemoryKeeper, measure
