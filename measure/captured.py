@@ -292,6 +292,16 @@ class Capture(ABC):
         return any(view.moved for view in self.views)
 
     @property
+    def chart_in_photo(self) -> bool:
+        """Whether every photo shows its chart."""
+        return all(view.shows_chart for view in self.views)
+
+    @property
+    def chart_stated(self) -> bool:
+        """Whether somebody said which reflectances the chart has, if there is one."""
+        return self.chart is None or self.chart.stated
+
+    @property
     def layout(self) -> Chart:
         """Of the chart.
 
