@@ -220,7 +220,7 @@ def _gloss(result: capture_result.CaptureResult, code: str) -> Finding:
 def _surface_words(stated: captured.Capture) -> list[str]:
     """matt, satin, glossy; none unless one of them is stated of every surface."""
     words = {surface.surface for surface in stated.surfaces.values()
-             if surface.given is None and surface.surface is not None}
+             if surface.known is None and surface.surface is not None}
     return sorted(words) if stated.surfaces_stated else []
 
 
