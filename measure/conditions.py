@@ -155,7 +155,8 @@ def _flat_light(result: flat_result.FlatResult) -> Finding:
         standing = _by_cards(result)
         known_by = "known-regions" if standing is MEASURED else TYPED
     else:
-        standing, known_by = MEASURED, "flat-field" if result.by_flat_field else "chart-carried-on"
+        standing, known_by = MEASURED, (
+            "flat-field" if result.stated.flat_fields else "chart-carried-on")
     return condition(
         "condition.light", standing, known_by, fault="dimmer-by-error",
         lightness=max((each for each in changes if each is not None), key=abs, default=None),
@@ -300,7 +301,7 @@ def _scene_light(result: scene_result.SceneResult) -> Finding:
         return condition("condition.scene-light", MEASURED, "expected-surfaces",
                          error=_common_error(result, causes),
                          variance_share=allowed_share(result.surfaces, causes))
-    if _tied_to_known(result) or not result.scale_from_chart:
+    if _tied_to_known(result) or not result.stated.scale_from_chart:
         standing, known_by = MEASURED, "known-materials"
     elif result.stated.chart_in_photo:
         standing, known_by = MEASURED, "chart-in-photo"
@@ -314,7 +315,7 @@ def _scene_light(result: scene_result.SceneResult) -> Finding:
 def _light_place(result: scene_result.SceneResult) -> Finding:
     if result.level_error is not None:       # no chart, whose light would be that of another place
         return condition("condition.light-place", STATED, "scene")
-    tied = _tied_to_known(result) or not result.scale_from_chart
+    tied = _tied_to_known(result) or not result.stated.scale_from_chart
     return condition("condition.light-place", MEASURED if tied else ASSUMED,
                      "known-materials" if tied else "as-stated",
                      error=_common_error(result, PLACE_CAUSES), fault="dimmer",

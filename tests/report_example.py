@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib import image as raster
 from small_captures import scene_capture, scene_view
 
-from spectrabox.measure.captured import SceneCapture
+from spectrabox.measure.captured import InputFile, SceneCapture
 from spectrabox.measure.results.capture_result import ChartResult
 from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.measure.results.surface_result import SurfaceResult
@@ -70,7 +70,7 @@ def example_session(folder: Path, bands: tuple[str, ...] = ("R", "G", "B"), char
         bands=bands, chart=_chart(rng, len(bands)) if chart else None,
         calibration=Calibration(fit, light, made.light_scale, np.eye(len(bands)) * 1e-4, (
             Finding("calibration.condition-number", Severity.INFO, values={"value": 12.5}),)),
-        photo=_photo(made), grid=GRID, reconstruction=made, by_flat_field=True,
+        photo=_photo(made), grid=GRID, reconstruction=made,
         surfaces=tuple(_surface(rng, made, m, bands, truth) for m in range(len(materials))),
         signal_bands=bands, stated=stated_scene())
     return SessionResults(
@@ -87,8 +87,9 @@ def example_session(folder: Path, bands: tuple[str, ...] = ("R", "G", "B"), char
 
 
 def stated_scene(moved: str = "", **fields: object) -> SceneCapture:
-    """A scene whose chart has a photo of its own, of which nothing else is stated."""
-    return scene_capture(scene_view(chart="chart.dng", moved=moved), **fields)
+    """A scene with a flat field whose chart has a photo of its own; nothing else is stated."""
+    return scene_capture(scene_view(chart="chart.dng", moved=moved), **fields,
+                         flat_fields={"": InputFile("white.dng", Path("white.dng"))})
 
 
 def with_found(results: SessionResults, **changes: object) -> SessionResults:

@@ -269,8 +269,8 @@ def test_a_pass_says_what_no_photo_showed_and_leaves_out_what_was_measured_or_st
         return {one.code for one in with_found(results, **changes).found.verdict.conditions}
     measurable = {"condition.scene-light", "condition.light-place", "condition.scene-gloss"}
     assert named() >= measurable
-    assert not measurable & named(stated=stated_scene(materials={"white": Surface(surface="matt")}),
-                                  scale_from_chart=False)
+    assert not measurable & named(stated=stated_scene(
+        materials={"white": Surface(surface="matt")}, scale_from_chart=False))
 
 
 def test_what_could_not_be_measured_is_said_and_is_not_a_number(tmp_path):
