@@ -221,14 +221,9 @@ class Surface:
 
     families: tuple[str, ...] = ()          # that it is one of; none where nobody said
     surface: str | None = None              # "matt", "satin" or "glossy"
-    known: np.ndarray | None = None         # (P,) measured reflectance, taken as given
+    known: np.ndarray | None = None         # (P,) measured reflectance, which is not estimated
     truth: spectra.Spectrum | None = None           # measured, only compared with
     bsdf: str = ""                          # of a material of a scene: id of its BSDF there
-
-    @property
-    def given(self) -> np.ndarray | None:
-        """Its measured reflectance (P,), which is not estimated."""
-        return self.known
 
 
 @dataclass(frozen=True, eq=False)
@@ -292,6 +287,16 @@ class Capture(ABC):
         return any(view.moved for view in self.views)
 
     @property
+    def chart_in_photo(self) -> bool:
+        """Whether every photo shows its chart."""
+        return all(view.shows_chart for view in self.views)
+
+    @property
+    def chart_stated(self) -> bool:
+        """Whether somebody said which reflectances the chart has, if there is one."""
+        return self.chart is None or self.chart.stated
+
+    @property
     def layout(self) -> Chart:
         """Of the chart.
 
@@ -340,7 +345,7 @@ class Capture(ABC):
     @property
     def surfaces_stated(self) -> bool:
         """Whether it is stated of every estimated surface how much it mirrors."""
-        return all(surface.surface is not None or surface.given is not None
+        return all(surface.surface is not None or surface.known is not None
                    for surface in self.surfaces.values())
 
     def band_names(self, photographed: tuple[str, ...]) -> tuple[str, ...]:

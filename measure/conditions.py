@@ -6,7 +6,6 @@ Verdict, report, page, JSON and text read this list.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -112,43 +111,6 @@ def facts(one: Finding) -> dict[str, Any]:
     return known_facts(CONDITION_FACTS, one)
 
 
-@dataclass(frozen=True)
-class Statements:
-    """What of the conditions a capture states, or measures by the photos that it has."""
-
-    surfaces: tuple[str, ...] = ()      # matt, satin, glossy; none unless stated of every surface
-    chart_stated: bool = True           # somebody said which reflectances the chart has
-    chart_measured: bool = False        # they are those of this very copy
-    curves: str = ""                    # where measured curves of the camera come from
-    chart_in_photo: bool = False        # every photo shows its chart
-    lamp_moved: bool = False            # a further photo shows them with the lamp moved
-    known_error: float = 0.0            # relative, of the known region that is stated worst
-    dark_frames: bool = False
-    bracket: bool = False               # of several exposures
-
-
-def statements_of(capture: captured.Capture) -> Statements:
-    """What a capture states of its conditions.
-
-    Parameters
-    ----------
-    capture : Capture
-    """
-    words = {surface.surface for surface in capture.surfaces.values()
-             if surface.given is None and surface.surface is not None}
-    views = capture.views
-    return Statements(
-        surfaces=tuple(sorted(words)) if capture.surfaces_stated else (),
-        chart_stated=capture.chart is None or capture.chart.stated,
-        chart_measured=capture.chart is not None and capture.chart.measured,
-        curves="" if capture.sensitivity.curves is None else capture.sensitivity.source,
-        chart_in_photo=all(view.shows_chart for view in views),
-        lamp_moved=capture.lamp_moved,
-        known_error=max(capture.known_errors.values(), default=0.0),
-        dark_frames=bool(capture.dark_frames),
-        bracket=any(len(files) > 1 for view in views for files in view.photo.values()))
-
-
 def flat_conditions(result: flat_result.FlatResult) -> tuple[Finding, ...]:
     """Conditions of flat samples."""
     return (_flat_light(result), _gloss(result, "condition.gloss"), _plane(result), _shadow(result),
@@ -193,7 +155,8 @@ def _flat_light(result: flat_result.FlatResult) -> Finding:
         standing = _by_cards(result)
         known_by = "known-regions" if standing is MEASURED else TYPED
     else:
-        standing, known_by = MEASURED, "flat-field" if result.by_flat_field else "chart-carried-on"
+        standing, known_by = MEASURED, (
+            "flat-field" if result.stated.flat_fields else "chart-carried-on")
     return condition(
         "condition.light", standing, known_by, fault="dimmer-by-error",
         lightness=max((each for each in changes if each is not None), key=abs, default=None),
@@ -208,7 +171,8 @@ def _cards(result: flat_result.FlatResult) -> tuple[list[str], bool]:
 
 def _by_cards(result: flat_result.FlatResult) -> str:
     """Standing of what known regions tell: that of their own reflectances."""
-    return MEASURED if result.stated.known_error <= INSTRUMENT_ERROR else STATED
+    worst = max(result.stated.known_errors.values(), default=0.0)
+    return MEASURED if worst <= INSTRUMENT_ERROR else STATED
 
 
 def _by_moved_lamp(result: capture_result.CaptureResult, fault: float,
@@ -238,9 +202,9 @@ def _plane(result: flat_result.FlatResult) -> Finding:
 
 
 def _gloss(result: capture_result.CaptureResult, code: str) -> Finding:
-    stated, surfaces = result.stated, result.surfaces
+    words, surfaces = _surface_words(result.stated), result.surfaces
     standing, known_by, error = _by_moved_lamp(result, GLOSS_FAULT, lambda one: one.gloss_error)
-    if standing is ASSUMED and stated.surfaces:
+    if standing is ASSUMED and words:
         standing, known_by = STATED, "surfaces-stated"
     elif error is None:
         # what is assumed is what the estimate is of: the band reaches to what gloss makes of it
@@ -251,7 +215,14 @@ def _gloss(result: capture_result.CaptureResult, code: str) -> Finding:
         fault_size=GLOSS_FAULT,
         lightness=largest_change(surfaces, lambda nm, mean: mean + GLOSS_FAULT),
         variance_share=allowed_share(surfaces, (error_model.SURFACE_REFLECTION,)),
-        names=list(stated.surfaces), usual=float(gloss.USUAL[gloss.SURFACE_WORDS[0]]))
+        names=words, usual=float(gloss.USUAL[gloss.SURFACE_WORDS[0]]))
+
+
+def _surface_words(stated: captured.Capture) -> list[str]:
+    """matt, satin, glossy; none unless one of them is stated of every surface."""
+    words = {surface.surface for surface in stated.surfaces.values()
+             if surface.known is None and surface.surface is not None}
+    return sorted(words) if stated.surfaces_stated else []
 
 
 def _shadow(result: flat_result.FlatResult) -> Finding:
@@ -273,8 +244,8 @@ def _fluorescence(result: capture_result.CaptureResult) -> Finding:
 
 def _linearity(result: capture_result.CaptureResult) -> Finding:
     greys = None if result.chart is None else exponent_of_greys(result.chart)
-    ways = [way for held, way in ((greys is not None, "greys"),
-                                  (result.stated.bracket, "exposures"),
+    bracket = any(len(files) > 1 for view in result.stated.views for files in view.photo.values())
+    ways = [way for held, way in ((greys is not None, "greys"), (bracket, "exposures"),
                                   (result.stated.dark_frames, "dark-frames")) if held]
     exponent, spread = greys or (None, None)
     error = None if exponent is None or spread is None else max(spread, abs(exponent - 1))
@@ -294,7 +265,7 @@ def _chart_copy(result: capture_result.CaptureResult) -> tuple[Finding, ...]:
         return ()
     copy, error = result.chart.copy, None
     more: dict[str, Any] = {}
-    if result.stated.chart_measured:
+    if result.stated.chart is not None and result.stated.chart.measured:
         standing, known_by = MEASURED, "own-reflectances"
     elif copy is not None:
         lightest = int(copy.reflectances.mean(axis=1).argmax())
@@ -313,12 +284,14 @@ def _chart_copy(result: capture_result.CaptureResult) -> tuple[Finding, ...]:
 
 
 def _camera(result: capture_result.CaptureResult) -> Finding:
-    standing, known_by = (STATED, "curves") if result.stated.curves else \
+    sensitivity = result.stated.sensitivity
+    source = "" if sensitivity.curves is None else sensitivity.source
+    standing, known_by = (STATED, "curves") if source else \
         (STATED, "curves-of-file") if result.chart is None else (MEASURED, "fitted")
     return condition("condition.camera", standing, known_by,
                      error=allowed_error(result.surfaces, CAMERA_CAUSES),
                      variance_share=allowed_share(result.surfaces, CAMERA_CAUSES),
-                     source=result.stated.curves)
+                     source=source)
 
 
 def _scene_light(result: scene_result.SceneResult) -> Finding:
@@ -328,7 +301,7 @@ def _scene_light(result: scene_result.SceneResult) -> Finding:
         return condition("condition.scene-light", MEASURED, "expected-surfaces",
                          error=_common_error(result, causes),
                          variance_share=allowed_share(result.surfaces, causes))
-    if _tied_to_known(result) or not result.scale_from_chart:
+    if _tied_to_known(result) or not result.stated.scale_from_chart:
         standing, known_by = MEASURED, "known-materials"
     elif result.stated.chart_in_photo:
         standing, known_by = MEASURED, "chart-in-photo"
@@ -342,7 +315,7 @@ def _scene_light(result: scene_result.SceneResult) -> Finding:
 def _light_place(result: scene_result.SceneResult) -> Finding:
     if result.level_error is not None:       # no chart, whose light would be that of another place
         return condition("condition.light-place", STATED, "scene")
-    tied = _tied_to_known(result) or not result.scale_from_chart
+    tied = _tied_to_known(result) or not result.stated.scale_from_chart
     return condition("condition.light-place", MEASURED if tied else ASSUMED,
                      "known-materials" if tied else "as-stated",
                      error=_common_error(result, PLACE_CAUSES), fault="dimmer",

@@ -593,13 +593,13 @@ def surfaces_off(found: scene_result.SceneResult) -> Iterator[Finding]:
 def not_corrected(found: scene_result.SceneResult) -> Iterator[Finding]:
     """What was not measured, and counts as the scene says."""
     fit = found.calibration.sensitivity
-    if not found.by_flat_field:
+    if not found.stated.flat_fields:
         yield Finding("scene.no-flat-field", Severity.NOTE)
     if found.level_error is not None:
         yield Finding("scene.level-by-prior", graded(found.level_error, LEVEL_KNOWN), values={
             "value": found.level_error, "passes": LEVEL_KNOWN})
     elif any(surface.known for surface in found.surfaces) and (
-            not found.scale_from_chart or found.calibration.light_scale is None):
+            not found.stated.scale_from_chart or found.calibration.light_scale is None):
         yield Finding("scene.scale-of-known", Severity.NOTE)
     if fit.basis is None and fit.residuals is None:
         yield Finding("camera.of-file", Severity.NOTE)

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib import image as raster
+from small_captures import scene_capture, scene_view
 
-from spectrabox.measure.conditions import Statements
+from spectrabox.measure.captured import InputFile, SceneCapture
 from spectrabox.measure.results.capture_result import ChartResult
 from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.measure.results.surface_result import SurfaceResult
@@ -69,9 +70,9 @@ def example_session(folder: Path, bands: tuple[str, ...] = ("R", "G", "B"), char
         bands=bands, chart=_chart(rng, len(bands)) if chart else None,
         calibration=Calibration(fit, light, made.light_scale, np.eye(len(bands)) * 1e-4, (
             Finding("calibration.condition-number", Severity.INFO, values={"value": 12.5}),)),
-        photo=_photo(made), grid=GRID, reconstruction=made, by_flat_field=True,
+        photo=_photo(made), grid=GRID, reconstruction=made,
         surfaces=tuple(_surface(rng, made, m, bands, truth) for m in range(len(materials))),
-        signal_bands=bands, stated=Statements())
+        signal_bands=bands, stated=stated_scene())
     return SessionResults(
         found=found, folder=folder, name=name, operator="A. Operator", notes=notes,
         inputs=(UsedFile("object photo", "photos/scene.dng", "9f" * 32, 25_000_123, 1 / 60, 0.004,
@@ -83,6 +84,12 @@ def example_session(folder: Path, bands: tuple[str, ...] = ("R", "G", "B"), char
         provenance={"spectrabox": "0.1.0", "numpy": np.__version__,
                     "command": "spectrabox run session", "seed": 7,
                     "machine": {"cores": 2, "gpu": False}})
+
+
+def stated_scene(moved: str = "", **fields: object) -> SceneCapture:
+    """A scene with a flat field whose chart has a photo of its own; nothing else is stated."""
+    return scene_capture(scene_view(chart="chart.dng", moved=moved), **fields,
+                         flat_fields={"": InputFile("white.dng", Path("white.dng"))})
 
 
 def with_found(results: SessionResults, **changes: object) -> SessionResults:

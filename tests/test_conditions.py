@@ -7,14 +7,14 @@ import dataclasses
 
 import numpy as np
 import pytest
-from report_example import example_session, with_found
+from report_example import example_session, stated_scene, with_found
 
 from spectrabox.measure import rules, texts
+from spectrabox.measure.captured import Surface
 from spectrabox.measure.conditions import (
     COPY_FAULT,
     GLOSS_FAULT,
     NAMED_CHANGE,
-    Statements,
     emitted,
     exponent_of_greys,
 )
@@ -52,7 +52,8 @@ def with_errors(surface: SurfaceResult, relative: dict[str, float]) -> SurfaceRe
 def test_what_is_stated_of_every_surface_is_not_named_assumed(tmp_path):
     results = example_session(tmp_path)
     assert condition(results.found, "scene-gloss").values["standing"] == "assumed"
-    stated = with_found(results, stated=Statements(surfaces=("matt",))).found
+    matt = stated_scene(materials={"white": Surface(surface="matt")})
+    stated = with_found(results, stated=matt).found
     gloss = condition(stated, "scene-gloss")
     assert gloss.values["standing"] == "stated" and gloss.values["names"] == ["matt"]
     assert not gloss.values["named"]
@@ -63,12 +64,12 @@ def test_what_is_stated_of_every_surface_is_not_named_assumed(tmp_path):
 def test_a_lamp_that_moved_measures_gloss_where_its_error_would_show_a_fault(
         tmp_path, monkeypatch, error, standing):
     results = example_session(tmp_path)
-    moved = with_found(results, stated=Statements(lamp_moved=True)).found
+    moved = with_found(results, stated=stated_scene(moved="photo")).found
     # a photo that shows none of the samples with the lamp elsewhere measures nothing
     assert condition(moved, "scene-gloss").values["standing"] == "assumed"
     monkeypatch.setattr(SurfaceResult, "places", (
         InPlace("photo", 0.0, 0.004, 0.0, 0.03), InPlace("b", 0.0, error, 0.0, 0.03)))
-    moved = with_found(results, stated=Statements(lamp_moved=True)).found
+    moved = with_found(results, stated=stated_scene(moved="photo")).found
     gloss = condition(moved, "scene-gloss").values
     assert gloss["standing"] == standing and gloss["error"] == error
     assert gloss["named"] == (standing == "assumed")

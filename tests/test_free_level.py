@@ -109,8 +109,8 @@ def test_a_result_says_what_tells_the_level_of_its_light(level_error, known, sca
                                                          expected):
     calibration = SimpleNamespace(light_scale=SCALE_ONE if scale_from_chart else None,
                                   sensitivity=SimpleNamespace(basis=np.eye(2), residuals=None))
-    result = SimpleNamespace(level_error=level_error, by_flat_field=True, calibration=calibration,
-                             scale_from_chart=scale_from_chart,
+    stated = SimpleNamespace(flat_fields={"": "white.dng"}, scale_from_chart=scale_from_chart)
+    result = SimpleNamespace(level_error=level_error, calibration=calibration, stated=stated,
                              surfaces=(SimpleNamespace(known=known),))
     found = {one.code: one.severity for one in rules.not_corrected(result)}
     assert found == expected

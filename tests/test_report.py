@@ -9,10 +9,10 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from report_example import SURFACES, WORST_RATIO, example_session, with_found
+from report_example import SURFACES, WORST_RATIO, example_session, stated_scene, with_found
 
 from spectrabox.measure import texts
-from spectrabox.measure.conditions import Statements
+from spectrabox.measure.captured import Surface
 from spectrabox.measure.words import exposure, number, percent, signed_percent
 from spectrabox.radiometry.error_model import REPEATABILITY, with_common_error
 from spectrabox.radiometry.errors import EnvironmentProblem
@@ -271,8 +271,8 @@ def test_a_pass_says_what_no_photo_showed_and_leaves_out_what_was_measured_or_st
         return {one.code for one in with_found(results, **changes).found.verdict.conditions}
     measurable = {"condition.scene-light", "condition.light-place", "condition.scene-gloss"}
     assert named() >= measurable
-    assert not measurable & named(stated=Statements(surfaces=("matt",)),
-                                  scale_from_chart=False)
+    assert not measurable & named(stated=stated_scene(
+        materials={"white": Surface(surface="matt")}, scale_from_chart=False))
 
 
 def test_what_could_not_be_measured_is_said_and_is_not_a_number(tmp_path):

@@ -1,6 +1,8 @@
 """Joint posterior of the materials of a scene: derivatives, what a second bounce tells, exactness
 of the draws.
 """
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from sampling_cameras import response, surface
@@ -12,7 +14,7 @@ from spectrabox.radiometry.error_model import (
     SENSITIVITIES,
 )
 from spectrabox.radiometry.errors import ConvergenceError, InputError
-from spectrabox.radiometry.records.scenes import LightTransport
+from spectrabox.radiometry.records.scenes import RegionTransport
 from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.sampling.polytope.diagnostics import tail_shape
 from spectrabox.sampling.prior.mixture import (
@@ -59,6 +61,17 @@ def information_bits(problem):
                      for m in range(materials)])
 
 
+def regions_of(materials, exponents, coefficients, signal, noise):
+    """Regions of one surface, whose model does not err."""
+    first = np.zeros(len(signal), int)
+    return RegionTransport(materials, exponents, coefficients, signal, noise, first, first, 0, 0)
+
+
+def showing(transport, signal, noise):
+    """The same regions with other signals."""
+    return replace(transport, signal=signal, standard_error=noise)
+
+
 def scene(error=0.01, regions=40, exponents=EXPONENTS, seed=0):
     """A synthetic scene of two materials: transport with light that met one, both, or one of them
     again.
@@ -70,8 +83,9 @@ def scene(error=0.01, regions=40, exponents=EXPONENTS, seed=0):
     truth = np.array([surface(PRIOR_GRID.nm, 3), surface(PRIOR_GRID.nm, 9)])
     clean = coefficients @ (np.exp(exponents @ np.log(truth)) @ matrix.T)
     noise = error * clean
-    transport = LightTransport(("a", "b"), exponents, coefficients)
-    return transport, matrix, clean + noise * rng.standard_normal(clean.shape), noise, truth
+    signal = clean + noise * rng.standard_normal(clean.shape)
+    transport = regions_of(("a", "b"), exponents, coefficients, signal, noise)
+    return transport, matrix, signal, noise, truth
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +120,7 @@ def rendered(transport, matrix, logits):
 
 
 def test_derivatives_agree_with_differences(prior):
-    problem = joint_problem(*scene()[:4], prior)
+    problem = joint_problem(*scene()[:2], prior)
     rng = np.random.default_rng(1)
     z, direction, labels = 0.3 * rng.standard_normal(122), rng.standard_normal(122), np.array(
         [2, 5])
@@ -121,7 +135,7 @@ def test_derivatives_agree_with_differences(prior):
 
 def test_the_reduction_keeps_the_likelihood_up_to_a_constant(prior):
     transport, matrix, signal, noise, _ = scene()
-    problem = joint_problem(transport, matrix, signal, noise, prior)
+    problem = joint_problem(transport, matrix, prior)
     logits = scenes_of_the_prior(problem, 5, 2)
     full = np.sum(((rendered(transport, matrix, logits) - signal) / noise)**2, axis=(1, 2))
     # Rows whose signals scatter by less than 0.05 were dropped, at most 21: each moves the misfit
@@ -134,7 +148,7 @@ def test_shared_errors_are_those_of_the_full_covariance(prior):
     common = shared_errors(signal, np.diag([4e-4, 1e-4, 1e-4]), 0.01, np.arange(40) // 20, 0.02,
                            0.03)
     assert common.shape == (3 + 1 + 2 + 6, 40, 3)
-    problem = joint_problem(transport, matrix, signal, noise, prior, common)
+    problem = joint_problem(transport, matrix, prior, common)
     logits = scenes_of_the_prior(problem, 5, 3)
     covariance = np.diag((noise**2).ravel()) + common.reshape(12, -1).T @ common.reshape(12, -1)
     away = (rendered(transport, matrix, logits) - signal).reshape(5, -1)
@@ -144,7 +158,7 @@ def test_shared_errors_are_those_of_the_full_covariance(prior):
 
 def test_a_known_material_is_part_of_the_light(prior):
     transport, matrix, signal, noise, truth = scene()
-    problem = joint_problem(transport, matrix, signal, noise, prior, known={"b": truth[1]})
+    problem = joint_problem(transport, matrix, prior, known={"b": truth[1]})
     assert problem.materials == ("a",)
     logits = scenes_of_the_prior(problem, 5, 4)
     both = np.concatenate([logits, np.tile(np.log(truth[1] / (1 - truth[1])), (5, 1, 1))], axis=1)
@@ -153,7 +167,7 @@ def test_a_known_material_is_part_of_the_light(prior):
 
 
 def test_the_map_is_stationary(prior):
-    problem = joint_problem(*scene()[:4], prior)
+    problem = joint_problem(*scene()[:2], prior)
     labels, z, evidence = find_modes(problem)
     assert np.all(np.diff(evidence) <= 0)
     residual, jacobian = residual_and_jacobian(problem, labels[0], z[0])
@@ -167,7 +181,7 @@ def test_the_map_is_stationary(prior):
 def test_switching_labels_finds_the_best_of_all(prior, error):
     """Against every pair of labels, by the density of what a linear camera would have seen."""
     known = of_families(prior, ["leaves", "skin", "white", "animal"])
-    problem = joint_problem(*scene(error=error)[:4], known)
+    problem = joint_problem(*scene(error=error)[:2], known)
     count = len(problem.means) - 1
     z, _ = fit_modes(problem, np.array([[count, count]]), np.zeros((1, 122)))
     logits = logits_of(problem, np.array([count, count]), z)[0]
@@ -197,7 +211,7 @@ def test_switching_labels_finds_the_best_of_all(prior, error):
 
 def test_without_products_materials_do_not_inform_each_other(prior):
     alone = np.array([[1, 0], [0, 1]])
-    problem = joint_problem(*scene(exponents=alone)[:4], prior)
+    problem = joint_problem(*scene(exponents=alone)[:2], prior)
     labels, z, _ = find_modes(problem)
     across = covariance_at(problem, labels[0], z[0])[:61, 61:]
     # Regions see sums of the two materials: only the three signals of each are coupled, and those
@@ -206,14 +220,14 @@ def test_without_products_materials_do_not_inform_each_other(prior):
 
 
 def test_products_tell_more_than_direct_light(prior):
-    direct = joint_problem(*scene(exponents=EXPONENTS[:2], error=0.001)[:4], prior)
-    both = joint_problem(*scene(error=0.001)[:4], prior)
+    direct = joint_problem(*scene(exponents=EXPONENTS[:2], error=0.001)[:2], prior)
+    both = joint_problem(*scene(error=0.001)[:2], prior)
     assert np.all(information_bits(both) > information_bits(direct))
 
 
 def test_half_the_noise_tells_one_bit_more_of_every_number_that_is_well_known(prior):
     """Direct light alone: three signals of each material, far better known than by the prior."""
-    bits = [information_bits(joint_problem(*scene(exponents=EXPONENTS[:2], error=error)[:4], prior))
+    bits = [information_bits(joint_problem(*scene(exponents=EXPONENTS[:2], error=error)[:2], prior))
             for error in (2e-5, 1e-5)]
     # what the prior still adds is a millionth of the signals' information
     np.testing.assert_allclose(bits[1] - bits[0], 3.0, atol=0.02)
@@ -224,7 +238,7 @@ def test_the_draws_have_the_law_of_the_posterior(prior):
     # the same law.
     # Of few components, so that all labels are drawn from.
     few = of_families(prior, ["skin", "white"])
-    problem = joint_problem(*scene(error=0.4, regions=6)[:4], few)
+    problem = joint_problem(*scene(error=0.4, regions=6)[:2], few)
     drawn, effective_samples, tail = sample_joint(problem, seed=1)
     assert effective_samples >= 400 and tail < 0.7
     logits = scenes_of_the_prior(problem, 20_000, 5)
@@ -245,7 +259,7 @@ def test_the_draws_have_the_law_of_the_posterior(prior):
 
 
 def test_too_few_effective_draws_are_refused(prior):
-    problem = joint_problem(*scene(error=0.05)[:4], prior)
+    problem = joint_problem(*scene(error=0.05)[:2], prior)
     with pytest.raises(ConvergenceError, match="has not converged after 16000 proposals"):
         sample_joint(problem, 0, effective_wanted=1e6)
 
@@ -254,25 +268,26 @@ def test_a_scene_is_drawn_with_its_shared_errors_or_said_to_disagree(prior):
     transport, matrix, signal, noise, truth = scene(error=0.01)
     wrong = np.array([1.05, 1.0, 0.96])[None] * np.where(np.arange(40) < 20, 1.06, 0.95)[:, None]
     common = shared_errors(signal * wrong, 2.5e-3 * np.eye(3), 0, np.arange(40) // 20, 0.05)
-    samples = draw_scene(transport, signal * wrong, noise, matrix, 1000, 1, prior, common=common)
+    seen = showing(transport, signal * wrong, noise)
+    samples = draw_scene(seen, matrix, 1000, 1, prior, common=common)
     assert set(samples) == {"a", "b"}
     assert samples["a"].outcome is Outcome.THROUGH_TRANSPORT
     assert samples["a"].effective_samples >= 1000
     assert samples["a"].coefficients.shape == (1000, 13)
     lower, upper = np.quantile([samples[name].spectra for name in "ab"], [0.005, 0.995], axis=1)
     assert np.mean((truth >= lower) & (truth <= upper)) > 0.9
-    unstated = draw_scene(transport, signal * wrong, noise, matrix, 1000, 1, prior)
+    unstated = draw_scene(seen, matrix, 1000, 1, prior)
     assert unstated["a"].outcome is Outcome.DISAGREES
 
 
 def test_an_error_of_the_light_that_all_regions_share_does_not_explain_a_white_room_as_black(prior):
     rng = np.random.default_rng(0)
     matrix, bounces = response(3)[1], np.arange(1, 5)
-    transport = LightTransport(("a",), bounces[:, None],
-                               rng.uniform(0, 1, (200, 4)) * 0.7**np.arange(4))
-    signal = (transport.coefficients @ 0.85**bounces)[:, None] * matrix.sum(axis=1)
+    coefficients = rng.uniform(0, 1, (200, 4)) * 0.7**np.arange(4)
+    signal = (coefficients @ 0.85**bounces)[:, None] * matrix.sum(axis=1)
+    transport = regions_of(("a",), bounces[:, None], coefficients, signal, 0.003 * signal)
     common = shared_errors(signal, 4e-4 * np.ones((3, 3)))      # 2 % of white, in all bands
-    samples = draw_scene(transport, signal, 0.003 * signal, matrix, 500, 1, prior, common=common)
+    samples = draw_scene(transport, matrix, 500, 1, prior, common=common)
     assert samples["a"].outcome is Outcome.THROUGH_TRANSPORT
     # the light is known to 2 %, and four reflections make it less
     assert abs(samples["a"].spectra.mean() - 0.85) < 0.02
@@ -288,12 +303,14 @@ def disagreeing(prior, error, regions=4, noise=0.3, seed=0):
     rng = np.random.default_rng(seed)
     transport, matrix, _, _, _ = scene(regions=regions, seed=seed)
     ones = np.ones((regions, 3))
-    truth = scenes_of_the_prior(joint_problem(transport, matrix, ones, ones, prior), 1, seed)
+    problem = joint_problem(showing(transport, ones, ones), matrix, prior)
+    truth = scenes_of_the_prior(problem, 1, seed)
     clean, surfaces = rendered(transport, matrix, truth)[0], 2 * np.arange(regions) // regions
     errors = shared_errors(clean, np.zeros((3, 3)), 0, surfaces, error / 2, error)
     off = np.exp(np.tensordot(rng.standard_normal(len(errors)), errors, 1) / clean)
-    return (transport, matrix, clean * off + noise * clean * rng.standard_normal(clean.shape),
-            noise * clean, {DISAGREEMENT: errors}, surfaces, clean, reflectance(truth[0]))
+    signal = clean * off + noise * clean * rng.standard_normal(clean.shape)
+    return (showing(transport, signal, noise * clean), matrix, signal, noise * clean,
+            {DISAGREEMENT: errors}, surfaces, clean, reflectance(truth[0]))
 
 
 def log_weights_by_importance(given, signal, noise, logs, rng):
@@ -316,7 +333,7 @@ def test_draws_under_errors_that_multiply_have_the_law_of_importance_sampling(pr
     few = of_families(prior, ["skin", "white"])
     transport, matrix, signal, noise, causes, surfaces, clean, _ = disagreeing(few, error)
     common, logs = split_shared(clean, surfaces, causes)
-    problem = joint_problem(transport, matrix, signal, noise, few, common, logs=logs)
+    problem = joint_problem(transport, matrix, few, common, logs=logs)
     drawn, effective_samples, _ = sample_joint(problem, seed=1)
     logits = np.concatenate([scenes_of_the_prior(problem, 10_000, seed) for seed in range(3)])
     log_weights = log_weights_by_importance(rendered(transport, matrix, logits), signal, noise,
@@ -334,18 +351,18 @@ def test_draws_under_errors_that_multiply_have_the_law_of_importance_sampling(pr
     relative = 5 * np.sqrt(0.5 / effective + 0.5 / effective_samples)
     np.testing.assert_allclose(drawn.std(axis=0), np.sqrt(variance), rtol=relative)
     # of errors that add at the measured signals the mean is off by more than these are known to
-    added, _, _ = sample_joint(joint_problem(transport, matrix, signal, noise, few,
+    added, _, _ = sample_joint(joint_problem(transport, matrix, few,
                                              causes[DISAGREEMENT] * signal / clean), seed=1)
     assert np.abs((added.mean(axis=0) - mean) / standard_error).max() > 10
 
 
 def test_derivatives_by_errors_that_multiply_agree_with_differences(prior):
-    transport, matrix, signal, noise, causes, surfaces, clean, _ = disagreeing(prior, 0.4)
+    transport, matrix, _, _, causes, surfaces, clean, _ = disagreeing(prior, 0.4)
     # of curves, by other shares in every region
     rng, step, labels = np.random.default_rng(1), 1e-6, np.array([2, 5])
     causes[SENSITIVITIES] = clean * 0.1 * rng.standard_normal((2, *clean.shape))
     common, logs = split_shared(clean, surfaces, causes)
-    problem = joint_problem(transport, matrix, signal, noise, prior, common, logs=logs)
+    problem = joint_problem(transport, matrix, prior, common, logs=logs)
     z, direction = 0.3 * rng.standard_normal((2, 122 + len(problem.logs)))
     assert len(problem.logs) and np.abs(problem.added).max() > 0
     _, jacobian = residual_and_jacobian(problem, labels, z)
@@ -363,7 +380,7 @@ def test_the_reduction_keeps_the_likelihood_under_errors_that_multiply(prior):
     causes[SENSITIVITIES] = clean * 0.1 * rng.standard_normal((2, *clean.shape))
     causes[GLARE] = 0.01 * rng.uniform(size=(1, *clean.shape))
     common, logs = split_shared(clean, surfaces, causes)
-    problem = joint_problem(transport, matrix, signal, noise, prior, common, logs=logs)
+    problem = joint_problem(transport, matrix, prior, common, logs=logs)
     logits = scenes_of_the_prior(problem, 5, 3)
     errors = rng.standard_normal((5, len(problem.logs)))
     multiplies = logs.any(axis=(1, 2))
@@ -401,10 +418,10 @@ def test_errors_of_curves_add_to_a_dark_band_of_a_scene_too():
 
 @pytest.mark.parametrize("error", [0.0, 0.02])
 def test_errors_of_a_few_per_cent_add_and_give_the_problem_that_they_gave(prior, error):
-    transport, matrix, signal, noise, causes, surfaces, clean, _ = disagreeing(prior, error)
+    transport, matrix, _, _, causes, surfaces, clean, _ = disagreeing(prior, error)
     common, logs = split_shared(clean, surfaces, causes)
     assert not logs.any()
-    problems = [joint_problem(transport, matrix, signal, noise, prior, *each)
+    problems = [joint_problem(transport, matrix, prior, *each)
                 for each in ((common, None, None, logs), (causes[DISAGREEMENT],))]
     for name in ("rows", "targets"):
         np.testing.assert_array_equal(*(getattr(problem, name) for problem in problems))
@@ -416,7 +433,8 @@ def test_a_picture_that_is_off_by_half_is_not_of_black_materials(prior):
     signal, noise = clean * np.exp(np.where(surfaces == 0, -0.5, 0.5))[:, None], 0.02 * clean
     common, logs = split_shared(signal, surfaces, {
         DISAGREEMENT: causes[DISAGREEMENT] * signal / clean})
-    found = draw_scene(transport, signal, noise, matrix, 500, 1, prior, common=common, logs=logs)
+    found = draw_scene(showing(transport, signal, noise), matrix, 500, 1, prior, common=common,
+                       logs=logs)
     assert found["a"].outcome is Outcome.THROUGH_TRANSPORT
     for name, spectrum in zip("ab", truth, strict=True):
         # known to e^.5 or better
@@ -432,26 +450,28 @@ def test_the_tail_of_weights_is_recognised(shape):
 
 def test_bad_scenes_are_errors(prior):
     transport, matrix, signal, noise, truth = scene()
-    with pytest.raises(InputError, match=r"must both be \(40, 3\)"):
-        joint_problem(transport, matrix, signal[:5], noise, prior)
+    with pytest.raises(InputError, match=r"must both be \(40, 2\)"):
+        joint_problem(transport, matrix[:2], prior)
+    with pytest.raises(ValueError, match=r"has shape \(5, 3\); \(R K\) with R = 40 is needed"):
+        showing(transport, signal[:5], noise)
     with pytest.raises(InputError, match="a positive standard error"):
-        joint_problem(transport, matrix, signal, 0 * noise, prior)
+        joint_problem(showing(transport, signal, 0 * noise), matrix, prior)
     with pytest.raises(InputError, match=r"must be \(Q, 40, 3\)"):
-        joint_problem(transport, matrix, signal, noise, prior, noise)
+        joint_problem(transport, matrix, prior, noise)
     with pytest.raises(InputError, match="5 draws were asked for"):
-        sample_joint(joint_problem(transport, matrix, signal, noise, prior), 0, kept=5)
+        sample_joint(joint_problem(transport, matrix, prior), 0, kept=5)
     with pytest.raises(InputError, match="c are not in the transport, which has a, b"):
-        draw_scene(transport, signal, noise, matrix, 100, 0, prior, known={"c": truth[0]})
+        draw_scene(transport, matrix, 100, 0, prior, known={"c": truth[0]})
     with pytest.raises(InputError, match="every material of the scene is known"):
-        draw_scene(transport, signal, noise, matrix, 100, 0, prior,
+        draw_scene(transport, matrix, 100, 0, prior,
                    known={"a": truth[0], "b": truth[1]})
     with pytest.raises(InputError, match="must be positive semi-definite"):
         shared_errors(signal, -np.eye(3))
 
 
 def test_a_material_of_a_stated_family_takes_its_components_alone(prior):
-    transport, matrix, signal, noise, _ = scene(error=0.02)
-    problem = joint_problem(transport, matrix, signal, noise, prior, families={"a": ["skin"]})
+    transport, matrix, *_ = scene(error=0.02)
+    problem = joint_problem(transport, matrix, prior, families={"a": ["skin"]})
     count, skins = prior.weights.size, np.sum(prior.family == prior.families.index("skin"))
     possible = np.isfinite(problem.log_weights[:, :-1])
     assert possible.shape == (2, count + skins)
@@ -461,4 +481,4 @@ def test_a_material_of_a_stated_family_takes_its_components_alone(prior):
     labels, _, _ = find_modes(problem)
     assert np.all(possible[0][labels[:, 0]]) and np.all(possible[1][labels[:, 1]])
     with pytest.raises(InputError, match="'jam' is no family of surfaces"):
-        joint_problem(transport, matrix, signal, noise, prior, families={"b": ["jam"]})
+        joint_problem(transport, matrix, prior, families={"b": ["jam"]})

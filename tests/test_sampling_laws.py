@@ -12,7 +12,7 @@ from test_posterior_laws import SMOOTH, mixture_of
 
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.gloss import gloss_states
-from spectrabox.radiometry.records.scenes import LightTransport
+from spectrabox.radiometry.records.scenes import RegionTransport
 from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.sampling.evaluation.identification import ALIKE_NM, SpectralLibrary, identify
 from spectrabox.sampling.evaluation.metrics import curve_band
@@ -174,9 +174,10 @@ def test_components_of_a_scene_are_as_wide_as_their_families_are_calibrated_to_b
     plain = two_components()
     factors = np.linspace(1.1, 1.8, 61) * np.ones((1, 5, 1))
     known = dataclasses.replace(plain, band_factors=factors, stated_factors=factors)
-    transport = LightTransport(("a",), np.array([[1]]), np.ones((4, 1)))
-    signal = np.full((4, 3), 0.5)
-    problem = joint_problem(transport, response(3)[1], signal, 0.01 * signal, known)
+    signal, first = np.full((4, 3), 0.5), np.zeros(4, int)
+    regions = RegionTransport(("a",), np.array([[1]]), np.ones((4, 1)), signal, 0.01 * signal,
+                              first, first, 0.0, 0.0)
+    problem = joint_problem(regions, response(3)[1], known)
     for root, covariance in zip(problem.roots, plain.covariances, strict=False):
         np.testing.assert_allclose(root @ root.T, np.outer(factors[0, 0], factors[0, 0])
                                    * covariance, atol=1e-12)

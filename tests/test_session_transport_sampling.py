@@ -73,7 +73,7 @@ def test_a_surface_without_usable_pixels_leaves_the_others_their_material(finish
     assert [made.agreement.names[index] for index in made.surface[seen]] == [
         f"{materials[index]} / {shapes[index]}" for index in partly.surface[seen]]
     assert seen[partly.used].all() and not seen[partly.surface == hidden].any()
-    of_region = np.array(regions.transport.materials)[regions.material]
+    of_region = np.array(regions.materials)[regions.material]
     np.testing.assert_array_equal(of_region, materials[regions.surface])
     # an error of one material's signal befalls the regions of that material and no other
     relative = np.ones(regions.signal.shape)

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
-from spectrabox.radiometry.records.scenes import LightTransport
+from spectrabox.radiometry.records.scenes import RegionTransport
 from spectrabox.radiometry.records.spectra import SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import relative_response, test_reflectances
 from spectrabox.sampling.draw_methods import draw_spectra
@@ -62,9 +62,10 @@ def by_posterior(signals: np.ndarray, errors: np.ndarray, response: np.ndarray,
     """Draws (T, 2, 61) of the joint posterior under the learnt prior."""
     exponents = np.array(PRODUCTS[products])
     count = len(exponents)
-    transport = LightTransport(("one", "other"), exponents, np.eye(count))
-    problem = joint_problem(transport, response, signals[:count], errors[:count], load_prior())
-    return sample_joint(problem, 0)[0]
+    first = np.zeros(count, int)        # the surface of no region counts
+    regions = RegionTransport(("one", "other"), exponents, np.eye(count), signals[:count],
+                              errors[:count], first, first, 0.0, 0.0)
+    return sample_joint(joint_problem(regions, response, load_prior()), 0)[0]
 
 
 def picture(shown: dict[str, np.ndarray], truths: np.ndarray, path: Path) -> None:

@@ -58,9 +58,8 @@ class CaptureResult(ABC):
     grid: WavelengthGrid              # of the spectra
     signal_bands: tuple[str, ...]     # J names: the bands of all photos that differ in light
     surfaces: tuple[surface_result.SurfaceResult, ...]
-    stated: conditions.Statements                # of the conditions that the result rests on
+    stated: captured.Capture          # the conditions that the result rests on
     processed: bool = False           # a photo by the camera, and decoded as sRGB
-    by_flat_field: bool = False       # the photos were divided by one of a white card
     kept: tuple[Finding, ...] = ()    # of the steps, but for the calibration
     # of charts and lights, beside those of each calibration
     calibration_findings: tuple[Finding, ...] = ()
@@ -262,9 +261,8 @@ def common_findings(capture: captured.Capture, records: CaptureRecords) -> dict[
             "chart_findings": {name: chart.findings
                                for name, chart in records.chart.charts.items()},
             "grid": records.signals.grid, "signal_bands": records.signals.bands,
-            "photo": records.photo.photos[""], "stated": conditions.statements_of(capture),
+            "photo": records.photo.photos[""], "stated": capture,
             "processed": any(photo.kind is photo_records.PhotoKind.PROCESSED for photo in photos),
-            "by_flat_field": bool(capture.flat_fields),
             "calibration_findings": records.calibrate.findings,
             "kept": records.findings,
             "picture": records.picture,

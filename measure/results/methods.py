@@ -116,7 +116,7 @@ def _flat_light(result: flat_result.FlatResult) -> str:
     errors = [error for photo in result.photos for _, error in photo.light.values()]
     known = list(dict.fromkeys(name for photo in result.photos for name in photo.level_misfits))
     given = f" Regions of known spectrum ({words.listed(known)}) corrected it." if known else ""
-    card = " The photos were divided by one of a white card." if result.by_flat_field else ""
+    card = " The photos were divided by one of a white card." if result.stated.flat_fields else ""
     return ("Signals of regions were divided by what a perfect white would read there: the white "
             "level and the quadratic light field of the chart fit, the field carried from the "
             "chart to the regions by regression over arrangements of lamps at unknown distances "

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 class SceneResult(capture_result.CaptureResult):
     """What was found of a scene."""
 
+    stated: captured.SceneCapture
     reconstruction: Reconstruction              # of the first photo
     # photos beyond the first, by name: each with a calibration of its light
     views: Mapping[str, tuple[Calibration, Reconstruction]] = dataclasses.field(
@@ -30,7 +31,6 @@ class SceneResult(capture_result.CaptureResult):
     rehearsal: Rehearsed | None = None          # the last one of these results
     placements: tuple[Placement, ...] = ()      # none where camera and lamp stand as stated
     marked_views: tuple[MarkedView, ...] = ()
-    scale_from_chart: bool = True       # else from a known material
 
     surface_word = "material"
     right = "scene.right"
@@ -128,4 +128,4 @@ def scene_result(capture: captured.SceneCapture, records: records.CaptureRecords
         **common, surfaces=tuple(surfaces), reconstruction=joint.views[0],
         views=views, rehearsal=rehearsal, placements=records.reconstruct.placements,
         marked_views=records.reconstruct.marked_views,
-        scale_from_chart=capture.scale_from_chart, picture_folder=picture_folder)
+        picture_folder=picture_folder)

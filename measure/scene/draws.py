@@ -75,9 +75,8 @@ def draw_through_transport(calibration: Calibration, joint: JointReconstruction,
     known = {name: np.interp(PRIOR_GRID.nm, joint.grid.nm, joint.spectra[place])
              for place, name in enumerate(joint.materials) if joint.known[place]}
     common, logs = scene_draws.split_shared(*_common_errors(calibration, joint, regions, fine))
-    return scene_draws.draw_scene(regions.transport, regions.signal, regions.standard_error,
-                                  response, draws, seed, common=common, logs=logs, known=known,
-                                  families=families, coefficients=coefficients)
+    return scene_draws.draw_scene(regions, response, draws, seed, common=common, logs=logs,
+                                  known=known, families=families, coefficients=coefficients)
 
 
 def _common_errors(calibration: Calibration, joint: JointReconstruction, regions: RegionTransport,
@@ -86,10 +85,9 @@ def _common_errors(calibration: Calibration, joint: JointReconstruction, regions
     cause what one standard deviation of each error that regions share does to the signals
     (Q, R, K).
     """
-    spectra = np.array([joint.spectra[joint.materials.index(name)]
-                        for name in regions.transport.materials])
-    products = np.exp(regions.transport.exponents.astype(float) @ np.log(np.maximum(spectra, 1e-6)))
-    received = regions.transport.coefficients @ products
+    spectra = np.array([joint.spectra[joint.materials.index(name)] for name in regions.materials])
+    products = np.exp(regions.exponents.astype(float) @ np.log(np.maximum(spectra, 1e-6)))
+    received = regions.coefficients @ products
     signal = received @ response.T
     white = interreflection.white_signal(response)
     curves = error_model.curve_errors(calibration, joint.grid)
@@ -136,7 +134,7 @@ def _of_stray_light(joint: JointReconstruction, regions: RegionTransport,
     """Errors (Q, R, K) by light that the scene does not hold, by cause: one, or one for each
     material where a cause befalls them one by one.
     """
-    index = np.array([joint.materials.index(regions.transport.materials[material])
+    index = np.array([joint.materials.index(regions.materials[material])
                       for material in regions.material])
     errors: dict[str, np.ndarray] = {}
     for cause, relative in joint.stray_light.items():
@@ -152,7 +150,7 @@ def _of_gloss(joint: JointReconstruction, regions: RegionTransport,
     transport knows no gloss of one sign.
     """
     errors = []
-    for number, name in enumerate(regions.transport.materials):
+    for number, name in enumerate(regions.materials):
         if name not in joint.gloss:
             continue
         gloss = gloss_states(joint.gloss[name], [""])

@@ -107,7 +107,7 @@ def require_unknown_region(capture: FlatCapture) -> None:
     if not capture.regions:
         raise InputError("no region is outlined yet; outline one on the page ('spectrabox open'), "
                          "or add [regions.NAME] with rect = [x0, y0, x1, y1]")
-    if all(region.given is not None for region in capture.regions.values()):
+    if all(region.known is not None for region in capture.regions.values()):
         raise InputError("every region is known, so there is nothing to find; leave out one "
                          "'known'")
 

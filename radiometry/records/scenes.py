@@ -24,27 +24,21 @@ class LearntSpectra(Record):
 
 
 @dataclass(frozen=True, eq=False)
-class LightTransport(Record):
-    """Light transport as a polynomial in the reflectances.
+class RegionTransport(Record):
+    """R regions of one photo: what they show, how surely, and how light reaches them.
 
-    The signal of region r is the sum over e of coefficients[r, e] times the product of reflectances
+    Light transport is a polynomial in the reflectances: for reflectances and a light spectrum of 1,
+    the signal of region r is the sum over e of coefficients[r, e] times the product of reflectances
     that ``exponents[e]`` names.
     """
 
     materials: tuple[str, ...]
     exponents: Annotated[np.ndarray, "E M"]         # how often a path encounters each material
     coefficients: Annotated[np.ndarray, "R E"]
-
-
-@dataclass(frozen=True, eq=False)
-class RegionTransport(Record):
-    """R regions of one photo: what they show, how surely, and how light reaches them."""
-
-    transport: LightTransport                       # for reflectances and a light spectrum of 1
     signal: Annotated[np.ndarray, "R K"]            # NaN where the fit does not trust the region
     standard_error: Annotated[np.ndarray, "R K"]    # independent: photo, Monte Carlo, unevenness
     surface: Annotated[np.ndarray, "R"]             # index into the scene's surfaces
-    material: Annotated[np.ndarray, "R"]            # index into the transport's materials
+    material: Annotated[np.ndarray, "R"]            # index into ``materials``
     colour_error: float                             # relative, of each surface in each band
     brightness_error: float                         # relative, of each surface in all bands alike
 

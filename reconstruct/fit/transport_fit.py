@@ -126,7 +126,7 @@ class TracedView:
         names = tuple(material.name for material in self.view.scene_materials)
         material = np.array([names.index(name) for name in self.view.surface_materials])[self.group]
         return scenes.RegionTransport(
-            scenes.LightTransport(names, np.array(traced.exponents), np.array(traced.coefficients)),
+            names, np.array(traced.exponents), np.array(traced.coefficients),
             np.where(weight[:, None] >= DOUBTED, self.measured, np.nan), np.sqrt(self.variance),
             np.array(self.group), material, self.nuisances.surface_error,
             self.nuisances.brightness_error)

@@ -1,7 +1,7 @@
 """All materials of a scene at once, through its light transport: likelihood, modes, Laplace.
 
-With the transport traced once (`LightTransport`), signal_rk = sum_e T_re integral response_k prod_m
-rho_m^n_em is a polynomial in the reflectances, and its likelihood costs a fraction of a
+With the transport traced once (`RegionTransport`), signal_rk = sum_e T_re integral response_k
+prod_m rho_m^n_em is a polynomial in the reflectances, and its likelihood costs a fraction of a
 millisecond. Light that was reflected by a second material carries products of spectra, which tell
 what the direct signal of either cannot. ``response`` here is that of the photo, light scale
 included: its rows sum to the white signal of each band, not to 1.
@@ -99,23 +99,21 @@ def gaussian_of(prior: mixture.LogitMixture) -> tuple[np.ndarray, np.ndarray]:
     return mean, np.linalg.cholesky(covariance)
 
 
-def joint_problem(transport: scenes.LightTransport, response: np.ndarray, signal: np.ndarray,
-                  standard_error: np.ndarray, prior: mixture.LogitMixture,
+def joint_problem(regions: scenes.RegionTransport, response: np.ndarray,
+                  prior: mixture.LogitMixture,
                   common: np.ndarray | None = None, known: Mapping[str, np.ndarray] | None = None,
                   families: Mapping[str, Sequence[str]] | None = None,
                   logs: np.ndarray | None = None) -> JointProblem:
     """Prepare the likelihood of a scene.
 
-    Nine parameters: all but the prior, the known materials and the families are the likelihood.
+    Seven parameters: all but the prior, the known materials and the families are the likelihood.
 
     Parameters
     ----------
-    transport : LightTransport
-        R regions or pixels.
+    regions : RegionTransport
+        R regions or pixels; one with a NaN signal is left out.
     response : (K, P)
         Sensitivity x light x integration weight on the prior's 61 wavelengths.
-    signal, standard_error : (R, K)
-        Measured, and its independent noise; a region with a NaN signal is left out.
     prior : LogitMixture
         Of every material.
     common : (Q, R, K), optional
@@ -134,37 +132,37 @@ def joint_problem(transport: scenes.LightTransport, response: np.ndarray, signal
     InputError
         If shapes do not belong together, an error is not positive, or a family is not known.
     """
-    regions = len(transport.coefficients)
-    if signal.shape != (regions, len(response)) or standard_error.shape != signal.shape:
+    signal, standard_error, coefficients = \
+        regions.signal, regions.standard_error, regions.coefficients
+    if signal.shape[1] != len(response):
         raise InputError(f"signal {signal.shape} and standard error {standard_error.shape} must "
-                         f"both be ({regions}, {len(response)}): one row per region of the "
+                         f"both be ({len(signal)}, {len(response)}): one row per region of the "
                          "transport")
     shared = np.zeros((0, *signal.shape)) if common is None else common
     multiply = np.zeros(shared.shape) if logs is None else logs
     if shared.shape[1:] != signal.shape or multiply.shape != shared.shape:
         raise InputError(f"the common errors {shared.shape}, and what multiplies of them "
-                         f"{multiply.shape}, must be (Q, {regions}, {len(response)}): what one "
+                         f"{multiply.shape}, must be (Q, {len(signal)}, {len(response)}): what one "
                          "standard deviation of each does to every signal")
     used = np.all(np.isfinite(signal), axis=1)
     if not used.any() or not np.all(standard_error[used] > 0):
         raise InputError("every region that is used needs a signal and a positive standard error")
     mean, root = gaussian_of(prior)
-    kept = np.abs(transport.coefficients).max(axis=0) > NEGLIGIBLE * np.abs(
-        transport.coefficients).max()
+    kept = np.abs(coefficients).max(axis=0) > NEGLIGIBLE * np.abs(coefficients).max()
     weight = 1 / standard_error[used]
     explicit = multiply.any(axis=(1, 2))
     # (G, Q, K), and the group of each region
     of_groups, group = np.unique(np.moveaxis(multiply[explicit][:, used], 1, 0), axis=0,
                                  return_inverse=True)
-    rows, targets, added = _whitened(transport.coefficients[used][:, kept], signal[used], weight,
+    rows, targets, added = _whitened(coefficients[used][:, kept], signal[used], weight,
                                      shared[~explicit][:, used], shared[explicit][:, used],
                                      group.ravel())
-    exponents, given = transport.exponents[kept].astype(float), known or {}
-    unknown = [m for m, name in enumerate(transport.materials) if name not in given]
+    exponents, given = regions.exponents[kept].astype(float), known or {}
+    unknown = [m for m, name in enumerate(regions.materials) if name not in given]
     factor = np.prod([np.maximum(given[name], 1e-6)**exponents[:, m, None]
-                      for m, name in enumerate(transport.materials) if name in given]
+                      for m, name in enumerate(regions.materials) if name in given]
                      or [np.ones((len(exponents), mean.size))], axis=0)
-    names = tuple(transport.materials[m] for m in unknown)
+    names = tuple(regions.materials[m] for m in unknown)
     stated = [tuple((families or {}).get(name, ())) for name in names]
     whole = JointProblem(names, exponents[:, unknown], factor, rows, targets, response,
                          *_components(prior, stated, mean, root),

@@ -14,7 +14,7 @@ from scipy.special import chdtrc
 
 from spectrabox.radiometry import covariance, error_model, grid
 from spectrabox.radiometry.errors import InputError
-from spectrabox.radiometry.records.scenes import LightTransport
+from spectrabox.radiometry.records.scenes import RegionTransport
 from spectrabox.radiometry.records.spectra import Outcome, SpectrumSamples
 from spectrabox.sampling.prior import mixture
 from spectrabox.sampling.scene import joint_posterior, joint_sampling
@@ -29,8 +29,7 @@ EFFECTIVE = 1000.0      # number of the weighted draws, for a 95 % band
 MAY_ADD = 0.03
 
 
-def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np.ndarray,
-               response: np.ndarray, draws: int, seed: int,
+def draw_scene(regions: RegionTransport, response: np.ndarray, draws: int, seed: int,
                prior: mixture.LogitMixture | None = None, *, common: np.ndarray | None = None,
                logs: np.ndarray | None = None, known: Mapping[str, np.ndarray] | None = None,
                families: Mapping[str, Sequence[str]] | None = None,
@@ -38,16 +37,13 @@ def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np
     """Draws of every unknown material of a scene, by name; row t of all of them belongs to the same
     scene.
 
-    Eleven parameters: the four before ``draws`` are the likelihood, the others have the defaults of
+    Nine parameters: the two before ``draws`` are the likelihood, the others have the defaults of
     a session.
 
     Parameters
     ----------
-    transport : LightTransport
-        Traced with unit reflectances and light; R regions. The light's scale is in ``response``.
-    signal, standard_error : (R, K)
-        Mean of the photo over each region, and its independent error: photo noise of the mean and
-        Monte Carlo noise of the transport. NaN leaves a region out.
+    regions : RegionTransport
+        R regions; a signal of NaN leaves one out. The light's scale is in ``response``.
     response : (K, P)
         Scale x sensitivity x light x weight in nm, on the prior's 61 wavelengths.
     draws, seed : int
@@ -72,11 +68,11 @@ def draw_scene(transport: LightTransport, signal: np.ndarray, standard_error: np
     ConvergenceError
         If fewer draws are effective after 16000 proposals.
     """
-    if unknown := set(known or {}) - set(transport.materials):
+    if unknown := set(known or {}) - set(regions.materials):
         raise InputError(f"the known materials {', '.join(sorted(unknown))} are not in the "
-                         f"transport, which has {', '.join(transport.materials)}; name them as the "
+                         f"transport, which has {', '.join(regions.materials)}; name them as the "
                          "scene does")
-    scene = transport, response, signal, standard_error, prior or mixture.load_prior()
+    scene = regions, response, prior or mixture.load_prior()
     problem = joint_posterior.joint_problem(*scene, common, known, families, logs)
     if not problem.materials:
         raise InputError("every material of the scene is known; leave at least one to be estimated")

@@ -184,8 +184,8 @@ class LiveSample:
         if name not in capture.regions:
             raise errors.InputError(f"there is no region {shortened(name)}")
         region = capture.regions[name]
-        if region.given is not None:
-            return pointed_answers.described_spectrum(grid.FINE_GRID.nm, region.given) | {
+        if region.known is not None:
+            return pointed_answers.described_spectrum(grid.FINE_GRID.nm, region.known) | {
                 "given": True, "doubt": sample.doubted_known.get(name, "")}
         depends = depends_on(sample, name)
         if depends not in self._kept:
@@ -280,7 +280,7 @@ class LiveSample:
         if sample is None or self._result[0] is sample:
             return
         found, described = None, None
-        if any(region.given is None for region in sample.capture.regions.values()):
+        if any(region.known is None for region in sample.capture.regions.values()):
             now, failed = extras.attempt("verdict", lambda: self._described_now(sample), None)
             if failed is not None:                  # a region that is clipped, say
                 described = {"status": "fail", "says": failed.values["error"], "conditions": []}

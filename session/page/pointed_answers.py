@@ -182,7 +182,7 @@ def result_now(sample: PointedSample,
                 lambda progress, folder: signals.find_signals(capture, keeper.records, work))
     keeper.keep(declared_steps.FLAT_SPECTRA, lambda progress, folder: SampleRecords(
         {name: drawn(name) for name, region in capture.regions.items()
-         if region.given is None}))
+         if region.known is None}))
     return flat_result(capture, keeper.records)
 
 
