@@ -359,3 +359,13 @@ def test_a_tone_curve_is_undone_before_a_reflection_is_looked_for(tmp_path, powe
     image = open_any(tmp_path / "curved.png", not_linear=True)
     verdict = judge_chart(image, find_chart(image, TYPICAL_SIGNALS), TYPICAL_SIGNALS)
     assert verdict.glare < 0.05
+
+
+def test_a_gap_is_as_wide_beside_dark_patches_as_beside_bright_ones(tmp_path):
+    """A chequerboard: every gap has one of each at its ends."""
+    dark = (np.arange(24) + np.arange(24) // 6) % 2 == 1
+    image = open_photo(chart_photo(tmp_path, signals=np.where(dark[:, None], 0.08, 0.8)
+                                   * CAMERA_GAIN, frame=0.001))
+    corners_px = find_chart(open_photo(chart_photo(tmp_path)), TYPICAL_SIGNALS).corners_px
+    gap = patch_gap(signal_rgb8(image.signal), (corners_px + 0.5) / 2 - 0.5)
+    assert gap == pytest.approx(3.5 / PITCH_MM, abs=0.03)

@@ -30,6 +30,7 @@ from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import grid_from_nm
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 from spectrabox.radiometry.spectra.readings import ReadingOutcome, SpectralReading
+from spectrabox.session.meters.measuring import Task, write_result
 
 NM = np.arange(380.0, 781.0, 4)
 
@@ -365,3 +366,14 @@ def test_a_file_of_another_quantity_is_never_replaced(tmp_path):
     assert result_file(tmp_path, "paint", "red", Quantity.REFLECTANCE) == path
     assert result_file(tmp_path, "paint", "red",
                        Quantity.RADIANCE) == tmp_path / "red-radiance.csv"
+
+
+def test_a_white_read_by_another_instrument_is_brought_to_the_standard_first(tmp_path):
+    """The paint reflects .4: one instrument reads it 5 % high, another the white 4 % low."""
+    standard_reflects, lamp = 0.98, 1 + 0.3 * np.sin(NM / 40)
+    store_reading(readings_folder(tmp_path, "white"), by("1", standard_reflects * lamp / 1.04))
+    store_reading(readings_folder(tmp_path, "red"), by("2", 0.4 * lamp / 0.95))
+    task = Task(tmp_path, "paint", ("red",), 1, False, False)
+    _, result = write_result(task, [calibration("1", 1.04), calibration("2", 0.95)],
+                             standard(standard_reflects))
+    np.testing.assert_allclose(result.values, 0.4, rtol=1e-12)
