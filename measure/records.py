@@ -14,7 +14,7 @@ from spectrabox.measure.pictures import pixel_flags
 from spectrabox.radiometry.findings import Finding, each_once
 from spectrabox.radiometry.records import calibration, scenes
 from spectrabox.radiometry.records import photos as photo_records
-from spectrabox.radiometry.records.spectra import SurfaceSignals, SurfaceSpectrum
+from spectrabox.radiometry.records.spectra import SpectrumSummary, SurfaceSignals
 from spectrabox.radiometry.shaped import Record
 
 Kind = TypeVar("Kind")
@@ -125,7 +125,7 @@ class SignalRecords(Record):
 class SampleRecords(Record):
     """What the step "sample" makes."""
 
-    spectra: dict[str, SurfaceSpectrum]         # by surface, those that are not known
+    spectra: dict[str, SpectrumSummary]         # by surface, those that are not known
 
 
 @dataclass(frozen=True, eq=False)

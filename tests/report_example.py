@@ -177,12 +177,11 @@ def _surface(rng: np.random.Generator, made: Reconstruction, m: int, bands: tupl
     coefficients = np.clip(centre + rng.normal(0, 0.06, (200, COEFFICIENTS)), 0, 1)
     draws = coefficients @ BASIS.T
     lower, upper = np.quantile(draws, [0.025, 0.975], axis=0)
+    samples = SpectrumSamples(GRID, draws, coefficients, "hit-and-run", 180.0, 7,
+                              Outcome.EXACT, (Outcome.EXACT.finding(),))
     summary = SpectrumSummary(GRID, draws.mean(axis=0), draws.std(axis=0), lower, upper,
                               np.clip(lower - 0.12, 0, 1), np.clip(upper + 0.12, 0, 1), 0.95,
                               (Finding("band.sampler", Severity.INFO, values={
                                   "method": "hit-and-run", "coefficients": COEFFICIENTS}),),
-                              423.0)
-    samples = SpectrumSamples(GRID, draws, coefficients, "hit-and-run", 180.0, 7,
-                              Outcome.EXACT, (Outcome.EXACT.finding(),))
-    return SurfaceResult(name, summary, samples=samples, inverse_rendering=estimate,
-                         signals=signals, truth=measured)
+                              423.0, samples)
+    return SurfaceResult(name, summary, inverse_rendering=estimate, signals=signals, truth=measured)

@@ -35,10 +35,10 @@ def grey(level: float, light_error: float, light_share: float, tmp_path) -> Surf
     """A grey of a reflectance whose light is known to an error, which is a share of its variance.
     """
     surface = example_session(tmp_path).found.surfaces[0]
-    summary = dataclasses.replace(surface.summary, mean=np.full_like(surface.summary.mean, level))
-    return dataclasses.replace(
-        with_errors(surface, {LIGHT_FIELD: light_error}), summary=summary,
+    summary = dataclasses.replace(
+        surface.summary, mean=np.full_like(surface.summary.mean, level),
         variance_shares={LIGHT_FIELD: light_share, PHOTO_NOISE: 1 - light_share})
+    return dataclasses.replace(with_errors(surface, {LIGHT_FIELD: light_error}), summary=summary)
 
 
 def with_errors(surface: SurfaceResult, relative: dict[str, float]) -> SurfaceResult:
@@ -132,7 +132,8 @@ def drawn(level: float, spread: float, tmp_path) -> SurfaceResult:
     spectra = np.ones_like(surface.samples.spectra)
     levels = level + spread * np.linspace(-1, 1, len(spectra))
     samples = dataclasses.replace(surface.samples, spectra=levels[:, None] * spectra)
-    return dataclasses.replace(surface, samples=samples)
+    return dataclasses.replace(surface, summary=dataclasses.replace(surface.summary,
+                                                                    samples=samples))
 
 
 @pytest.mark.parametrize("level, spread", [(0.2, 0.01), (0.2, 0.1), (0.7, 0.1)])

@@ -50,9 +50,10 @@ def session(tmp_path_factory):
     fit = dataclasses.replace(results.found.calibration.sensitivity,
                               residuals=1 - predicted / measured,
                               held_out_residuals=1 - 1.01 * predicted / measured)
+    material = results.found.surfaces[0]
     material = dataclasses.replace(
-        results.found.surfaces[0], prior=dataclasses.replace(load_prior(), certificates={}),
-        family_shares={"paint": 0.7, "earth": 0.3})
+        material, prior=dataclasses.replace(load_prior(), certificates={}),
+        summary=dataclasses.replace(material.summary, family_shares={"paint": 0.7, "earth": 0.3}))
     return with_found(results, chart=chart, surfaces=(material, *results.found.surfaces[1:]),
                       calibration=dataclasses.replace(results.found.calibration, sensitivity=fit))
 

@@ -295,10 +295,10 @@ def surface_of_records(capture: captured.Capture, records: CaptureRecords, name:
     """
     signals, stated = records.signals, capture.surfaces[name]
     index = signals.names.index(name)
-    spectrum = None if signals.known[index] else records.sample.spectra[name]
+    summary = None if signals.known[index] else records.sample.spectra[name]
     prior = of_families(load_prior(), stated.families) \
         if capture.sampling.method == "prior" else None
-    return surface_result.surface_result(signals, index, spectrum, prior, stated.truth,
+    return surface_result.surface_result(signals, index, summary, prior, stated.truth,
                                          inverse_rendering, light, scatter, edge)
 
 
