@@ -65,15 +65,19 @@ class PhotoRecords(Record):
 
 @dataclass(frozen=True, eq=False)
 class ChartFit(Record):
-    """How the calibration explains the first chart photo."""
+    """The first chart photo as it was used, and how the calibration explains it."""
 
+    detection: photo_records.ChartDetection
+    samples: photo_records.PatchSamples
     predicted: Annotated[np.ndarray, "I K"]     # signals
-    irradiance: Annotated[np.ndarray, "I"]      # NaN on patches of which it is not known
-    glare: Annotated[np.ndarray, "J"]           # certain veiling glare, of the mean signal; K or 1
-    patch_error: Annotated[np.ndarray, "2"] | None      # a PatchError; None without a prior's fit
-    prior: calibration.PriorInfluence | None  # None of curves that no prior was used for
-    left_out: calibration.HeldOutPatches                    # each patch by a calibration without it
+    # relative, brightest 1; NaN on patches of which it is not known
+    irradiance: Annotated[np.ndarray, "I"]
+    # each patch by a calibration without it
+    left_out: calibration.HeldOutPatches | None = None
+    prior: calibration.PriorInfluence | None = None  # None of curves that no prior was used for
     copy: calibration.ChartCopy | None = None  # None: the chart's reflectances were stated
+    # a PatchError; None without a prior's fit
+    patch_error: Annotated[np.ndarray, "2"] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +90,8 @@ class CalibrationRecords(Record):
     # by view, of charts with a fit of their own: each patch by a calibration without it
     other_charts: dict[str, calibration.HeldOutPatches]
     findings: tuple[Finding, ...]               # of charts and lights, beside each calibration's
+    # certain veiling glare of the first chart photo, of its mean signal; K, or 1 for all bands
+    glare: Annotated[np.ndarray, "J"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib import image as raster
 
 from spectrabox.measure.conditions import Statements
-from spectrabox.measure.results.capture_result import ChartResult
+from spectrabox.measure.records import ChartFit
 from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.radiometry.error_model import (
@@ -146,15 +146,15 @@ def _photo(made: Reconstruction) -> LinearImage:
                        "Maker Model 1234", "photos/scene.dng", "9f" * 32)
 
 
-def _chart(rng: np.random.Generator, bands: int) -> ChartResult:
+def _chart(rng: np.random.Generator, bands: int) -> ChartFit:
     measured = rng.uniform(0.03, 0.6, (24, bands))
     measured[18:] = np.array([0.62, 0.41, 0.25, 0.14, 0.06, 0.022])[:, None]
     corners = np.zeros((24, 4, 2)) + np.array([[0, 0], [9, 0], [9, 9], [0, 9]])
     samples = PatchSamples(measured, np.array([np.eye(bands) * 1e-7] * 24), np.full(24, 400),
                            np.zeros((24, bands)), np.full((24, bands), 0.01))
     fall_off = np.linspace(1, 0.88, 6) * np.linspace(1, 0.96, 4)[:, None]
-    return ChartResult(ChartDetection(corners, 0.97, False, GIVEN_CORNERS), samples,
-                       measured * rng.normal(1, 0.01, measured.shape), fall_off.ravel())
+    return ChartFit(ChartDetection(corners, 0.97, False, GIVEN_CORNERS), samples,
+                    measured * rng.normal(1, 0.01, measured.shape), fall_off.ravel())
 
 
 def _surface(rng: np.random.Generator, made: Reconstruction, m: int, bands: tuple[str, ...],

@@ -21,6 +21,7 @@ from spectrabox.measure.conditions import (
 from spectrabox.measure.regions.moved_lamp import InPlace
 from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.radiometry.appearance import delta_e00, reflectance_to_lab
+from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.error_model import LIGHT_FIELD, PHOTO_NOISE
 from spectrabox.radiometry.findings import Finding, Severity
 
@@ -171,7 +172,7 @@ def test_greys_of_a_chart_measure_the_exponent_of_the_light(tmp_path, exponent):
     noise = rng.normal(0, 0.01, (24, 1))        # a patch errs in all bands alike
     samples = dataclasses.replace(chart.samples, mean=chart.predicted ** exponent
                                   * np.array([0.5, 1.0, 2.0]) * np.exp(noise))
-    found, error = exponent_of_greys(dataclasses.replace(chart, samples=samples))
+    found, error = exponent_of_greys(dataclasses.replace(chart, samples=samples), CLASSIC)
     # 6 greys over a factor 28: 0.01 / sqrt(sum of squares of the logarithm, 7.4) is 0.0037
     assert 0.001 < error < 0.01
     assert abs(found - exponent) < 5 * 0.0037

@@ -121,7 +121,7 @@ def _fitted(capture: captured.Capture, groups: list[list[captured.View]],
     whites: dict[str, calibration_records.ChartWhite] = {}
     held_out: dict[str, calibration_records.HeldOutPatches] = {}
     findings: list[Finding] = []
-    chart: ChartFit | None = None
+    chart, glare = None, np.zeros(1)
     for first, *others in groups:
         fitted = [view.name for view in (first, *others) if view.chart and (several
                                                                             or view == first)]
@@ -134,6 +134,7 @@ def _fitted(capture: captured.Capture, groups: list[list[captured.View]],
                          in fit.of_chart(held_out[first.name], capture.layout.names)]
             if not first.name:
                 chart = _chart_fit(capture, charts[""], photos[""], fit, held_out[""])
+                glare = trust.certain_glare(prior_fit, charts[""].thumbnail)
         else:
             camera = _camera_of_curves(capture, first)
         if prior_fit is not None:
@@ -152,7 +153,7 @@ def _fitted(capture: captured.Capture, groups: list[list[captured.View]],
             calibrations[view.name] = own
     return CalibrationRecords(
         calibrations, whites, chart, {name: patches for name, patches in held_out.items() if name},
-        tuple(findings))
+        tuple(findings), glare)
 
 
 def _camera_of_curves(capture: captured.Capture,
@@ -183,8 +184,9 @@ def _chart_fit(capture: captured.Capture, chart: MeasuredChart, photo: chart_pho
         if isinstance(capture, captured.FlatCapture):       # the fit estimates the light over it
             irradiance = np.full(len(fit.predicted), np.nan)        # not known of excluded patches
             irradiance[photo.used] = fit.prior_fit.photos[0].field
-    return ChartFit(fit.predicted, irradiance, trust.certain_glare(fit.prior_fit, chart.thumbnail),
-                    patch_error, fit.prior_influence, held_out, fit.copy)
+    return ChartFit(chart.detection, chart.samples, fit.predicted,
+                    irradiance / np.fmax.reduce(irradiance), held_out, fit.prior_influence,
+                    fit.copy, patch_error)
 
 
 def require_spectrum(light: Spectrum | UnknownLight) -> Spectrum:

@@ -7,6 +7,7 @@ import numpy as np
 
 from spectrabox.calibrate.chart_findings import root_mean_square
 from spectrabox.measure import conditions, rules, texts
+from spectrabox.measure.records import ChartFit
 from spectrabox.measure.results import (
     calibration_facts,
     capture_result,
@@ -176,7 +177,7 @@ def _calibration(result: capture_result.CaptureResult,
 
 
 def _chart(result: capture_result.CaptureResult,
-           chart: capture_result.ChartResult) -> dict[str, Any]:
+           chart: ChartFit) -> dict[str, Any]:
     swatches = spectra.swatch_pairs(result)
     return {"swatches": _fields(swatches, "measured", "predicted", "delta_e00", "from_others",
                                 "order"),
@@ -190,4 +191,4 @@ def _chart(result: capture_result.CaptureResult,
             "how_found": texts.says(chart.detection.how_found),
             "mirrored": chart.detection.mirrored,
             "left_out": None if chart.left_out is None
-            else calibration_facts.held_out_facts(chart.left_out, chart.layout.names)}
+            else calibration_facts.held_out_facts(chart.left_out, result.layout.names)}

@@ -218,12 +218,12 @@ def _chart_section(result: capture_result.CaptureResult) -> dict[str, Any]:
         "left_out": _left_out(left_out),
         "left_out_difference": chart_findings.difference_summary(left_out),
         "left_out_sentence": texts.sentence(
-            chart_findings.held_out(left_out, chart.layout.names)[0])}
+            chart_findings.held_out(left_out, result.layout.names)[0])}
     return {"chart": chart, "chart_residuals": residuals, "swatches": swatches, **of_prior,
             "residual_figure": figures.chart_residual_figure(
                 "chart-residuals", residuals, fit.held_out_residuals, result.bands, limit),
             "irradiance_figure": figures.irradiance_figure("irradiance", chart.irradiance,
-                                                           chart.layout.rows),
+                                                           result.layout.rows),
             "chart_rms": chart_findings.root_mean_square(residuals), "chart_limit": limit,
             **of_left_out}
 
