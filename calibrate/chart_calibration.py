@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import numpy as np
 
@@ -54,12 +54,13 @@ class ChartCalibration(shaped.Record):
     held_out: Annotated[np.ndarray, "I K"]          # each patch predicted from the others
     delta_e: Annotated[np.ndarray, "I"]             # CIEDE2000 of each patch, fitted
     held_out_delta_e: Annotated[np.ndarray, "I"]    # the same, the patch left out of the fit
-    prior_fit: sensitivity.PriorFit | None                      # of the method "prior"
     without: PatchesWithout                         # the first photo's patches, each left out
+    # the same by fits without patches that others contradict
+    cleaned: PatchesWithout
     excluded: Annotated[np.ndarray, "I"]            # bool: excluded from every fit
     saturated: Annotated[np.ndarray, "I"]           # bool: of the excluded, in every band
-    cleaned: PatchesWithout                         # as ``without``, suspects out of every fit
     reflectances: Annotated[np.ndarray, "I P"]      # that were taken for the first photo's chart
+    prior_fit: sensitivity.PriorFit | None = None   # of the method "prior"
     departures: tuple[LightDeparture, ...] = ()     # of the lights that may depart from the stated
     light_evidence: tuple[doubts.LightEvidence,
                           ...] = ()  # on each light of which something was stated
@@ -172,28 +173,53 @@ def _calibrated(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Waveleng
     """The calibration by the first edition that the chart may be of, and which it is likely of."""
     first = photos[0]
     _require_usable(photos, chosen)
-    light = first.light_on(grid)
-    power, unlit = chart_photo.light_power(light, grid)
+    power, _ = chart_photo.light_power(first.light_on(grid), grid)
     if chosen.curves is not None:
-        fitted = _from_measured(first, power, grid, chosen.curves)
-    elif chosen.method == "prior":
-        fitted = _with_prior(photos, grid, chosen.prior)
-    else:
-        fitted = _by_splines(first, power, grid, chosen)
-    fit, scale, held_out = fitted.fit, fitted.scale, fitted.held_out
+        return _from_measured(first, power, grid, chosen.curves)
+    if chosen.method == "prior":
+        return _with_prior(photos, grid, chosen.prior)
+    return _by_splines(first, power, grid, chosen)
+
+
+def _of_fit(first: chart_photo.ChartPhoto, grid: spectra.WavelengthGrid,
+            fit: calibration_records.SensitivityFit, scale: calibration_records.LightScale,
+            predicted: np.ndarray, without: PatchesWithout, of_fit: Sequence[Finding],
+            of_light: Sequence[Finding] = (),
+            light_posterior: calibration_records.LightPosterior | None = None) -> ChartCalibration:
+    """The calibration by curves, and how well it explains the first photo's chart.
+
+    Parameters
+    ----------
+    first : ChartPhoto
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
+    fit : SensitivityFit
+        With residuals; where no patch was left out of it, those are taken for the left-out ones.
+    scale : LightScale
+    predicted : (I, K) array
+        Signals.
+    without : PatchesWithout
+    of_fit, of_light : sequences of Finding
+    light_posterior : LightPosterior, optional
+        Of an unknown light.
+    """
+    light = first.light_on(grid)
+    _, unlit = chart_photo.light_power(light, grid)
+    left_out = fit.held_out_residuals is not None
+    held_out = fit.held_out_residuals if left_out else fit.residuals
+    assert held_out is not None
     signals_without = first.samples.mean * (1 - held_out)
     covariance = sensitivity.relative_prediction_covariance(held_out, first.samples,
                                                             first.excluded)
     delta_e, delta_e_without = (
         trust.chart_colour_differences(first.samples.mean, signal, first.reflectances, grid)
-        for signal in (fitted.predicted, signals_without))
+        for signal in (predicted, signals_without))
 
     known = ~first.samples.clipped.any(axis=1)
     if first.excluded is not None:
         known &= ~first.excluded.astype(bool)
-    left_out = chosen.curves is None
     findings = [
-        *fitted.of_light,
+        *of_light,
         Finding("calibration.chart-colours", Severity.INFO, values={
             "mean": float(delta_e[known].mean()),
             "left_out": float(delta_e_without[known].mean()) if left_out else None}),
@@ -205,52 +231,18 @@ def _calibrated(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Waveleng
     if scale.standard_error is not None:
         findings.append(Finding("calibration.white", Severity.INFO, values={
             "error": float(scale.standard_error / scale.value)}))
-    findings += [*unlit, *_clipped(fitted.without, first), *fitted.of_fit]
-    if fitted.prior_fit is not None:
-        findings += joint_estimate.veiled(fitted.prior_fit)
+    findings += [*unlit, *_clipped(without, first), *of_fit]
     # products with an unknown light are no curves that a matrix could be held against
-    if fitted.light is None:
+    if light_posterior is None:
         findings += doubts.colour_matrix(first.samples.camera_from_xyz, fit.curves, grid)
-    if fitted.prior_fit is not None:
-        number = doubts.worst_explained(fitted.prior_fit, fitted.used)
-        findings = doubts.told_apart(findings, _patch_signals(fitted, number), fitted.evidence)
 
     calibration = calibration_records.Calibration(fit, light,
                                                   None if first.irradiance is None else scale,
-                                                  covariance, tuple(findings), fitted.light,
+                                                  covariance, tuple(findings), light_posterior,
                                                   isinstance(first.light, spectra.UnknownLight))
-    return ChartCalibration(calibration, scale, fitted.predicted, signals_without, delta_e,
-                            delta_e_without, fitted.prior_fit, fitted.without, ~first.used,
-                            first.samples.saturated, fitted.cleaned, first.reflectances,
-                            fitted.departures, fitted.evidence,
-                            None if fitted.prior_fit is None else
-                            chart_copy.copy_of_chart(photos, fitted.prior_fit, grid),
-                            _patch_signals(fitted, 0))
-
-
-class _Fitted(NamedTuple):
-    """What a method says of the first photo's chart, and of its light where that was unknown."""
-
-    fit: calibration_records.SensitivityFit
-    scale: calibration_records.LightScale
-    predicted: np.ndarray       # (I, K)
-    held_out: np.ndarray        # (I, K) residuals, relative; each patch left out where one was
-    without: PatchesWithout
-    cleaned: PatchesWithout     # by fits without patches that others contradict
-    of_fit: tuple[Finding, ...]
-    prior_fit: sensitivity.PriorFit | None = None
-    light: calibration_records.LightPosterior | None = None
-    of_light: tuple[Finding, ...] = ()
-    departures: tuple[LightDeparture, ...] = ()
-    evidence: tuple[doubts.LightEvidence, ...] = ()
-    used: tuple[ChartEquations, ...] = ()
-
-
-def _patch_signals(fitted: _Fitted, number: int) -> chart_causes.PatchSignals | None:
-    if fitted.prior_fit is None:
-        return None
-    state = fitted.prior_fit.photos[number]
-    return doubts.patch_signals(fitted.used[number], state.predicted, state.glare, state.field)
+    return ChartCalibration(calibration, scale, predicted, signals_without, delta_e,
+                            delta_e_without, without, without, ~first.used,
+                            first.samples.saturated, first.reflectances)
 
 
 def _require_usable(photos: Sequence[chart_photo.ChartPhoto], chosen: CalibrationOptions) -> None:
@@ -288,7 +280,7 @@ def _clipped(without: PatchesWithout, photo: chart_photo.ChartPhoto) -> list[Fin
 
 
 def _with_prior(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.WavelengthGrid,
-                prior: CameraPrior | None) -> _Fitted:
+                prior: CameraPrior | None) -> ChartCalibration:
     """By the joint estimate from all photos; of an unknown light, products with it."""
     first = photos[0]
     used, excluded = chart_photo.used_and_excluded(photos, grid)
@@ -325,11 +317,18 @@ def _with_prior(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Waveleng
     predicted[first.used] = fit.photos[0].predicted
     residuals = 1 - predicted / first.samples.mean
     held_out = 1 - signals_without / first.samples.mean
-    return _Fitted(replace(fit.sensitivity, residuals=residuals, held_out_residuals=held_out),
-                   replace(fit.photos[0].light_scale, residuals=residuals), predicted, held_out,
-                   without, joint_estimate.without_suspects(photos, cameras, grid, without),
-                   tuple(of_fit), fit, light, tuple(of_light), departures, evidence,
-                   tuple(used))
+    made = _of_fit(first, grid,
+                   replace(fit.sensitivity, residuals=residuals, held_out_residuals=held_out),
+                   replace(fit.photos[0].light_scale, residuals=residuals), predicted, without,
+                   [*of_fit, *joint_estimate.veiled(fit)], of_light, light)
+    signals = [doubts.patch_signals(used[number], state.predicted, state.glare, state.field)
+               for number in (0, doubts.worst_explained(fit, used))
+               for state in [fit.photos[number]]]
+    findings = doubts.told_apart([*made.calibration.findings], signals[1], evidence)
+    return replace(made, calibration=replace(made.calibration, findings=tuple(findings)),
+                   cleaned=joint_estimate.without_suspects(photos, cameras, grid, without),
+                   prior_fit=fit, departures=departures, light_evidence=evidence,
+                   copy=chart_copy.copy_of_chart(photos, fit, grid), patches=signals[0])
 
 
 def evidence_on_lights(photos: Sequence[chart_photo.ChartPhoto], used: list[ChartEquations],
@@ -362,7 +361,7 @@ def evidence_on_lights(photos: Sequence[chart_photo.ChartPhoto], used: list[Char
 
 
 def _from_measured(photo: chart_photo.ChartPhoto, power: np.ndarray, grid: spectra.WavelengthGrid,
-                   curves: np.ndarray) -> _Fitted:
+                   curves: np.ndarray) -> ChartCalibration:
     """Measured curves as they are; the photo gives the scale of its light."""
     samples, used, irradiance = photo.samples, photo.used, photo.irradiance_or_pi
     unscaled = _chart_signals(photo, grid, curves, power)
@@ -388,21 +387,20 @@ def _from_measured(photo: chart_photo.ChartPhoto, power: np.ndarray, grid: spect
                              samples.covariance_of_mean, samples.clipped)
     (equations,), _ = chart_photo.used_and_excluded([photo], grid)
     agreement = trust.check_measured_curves(equations, curves, grid)
-    return _Fitted(_measured_curves(grid, curves, residuals), replace(scale, residuals=residuals),
-                   predicted, residuals, without, without, (agreement,))
+    return _of_fit(photo, grid, _measured_curves(grid, curves, residuals),
+                   replace(scale, residuals=residuals), predicted, without, [agreement])
 
 
 def _by_splines(photo: chart_photo.ChartPhoto, power: np.ndarray, grid: spectra.WavelengthGrid,
-                chosen: CalibrationOptions) -> _Fitted:
+                chosen: CalibrationOptions) -> ChartCalibration:
     """By one of ``spline_fit.SPLINE_METHODS``."""
     fit, scale, without = sensitivity.fit_sensitivities(
         photo.samples, photo.reflectances, power, photo.irradiance_or_pi, grid, chosen.coefficients,
         method=chosen.method, used=photo.used)
     predicted = scale.value * _chart_signals(photo, grid, fit.curves, power)
-    assert fit.held_out_residuals is not None
     band = "calibration.smooth-band" if chosen.method == "smooth" else "calibration.noise-band"
-    return _Fitted(fit, scale, predicted, fit.held_out_residuals, without, without,
-                   (Finding(band, Severity.NOTE),))
+    return _of_fit(photo, grid, fit, scale, predicted, without,
+                   [Finding(band, Severity.NOTE)])
 
 
 def _chart_signals(photo: chart_photo.ChartPhoto, grid: spectra.WavelengthGrid, curves: np.ndarray,
