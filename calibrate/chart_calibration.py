@@ -1,8 +1,9 @@
 """A whole calibration: curves, light and scale, from chart photos or from measured curves."""
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Annotated
 
 import numpy as np
@@ -22,7 +23,6 @@ from spectrabox.calibrate.held_out_patches import PatchesWithout, in_chart_order
 from spectrabox.calibrate.light_error import LightDeparture, light_departures
 from spectrabox.calibrate.prior.camera_prior import SMOOTH_SOURCE, CameraPrior
 from spectrabox.calibrate.prior.curve_posterior import relit
-from spectrabox.calibrate.spline_fit import SPLINE_COEFFICIENTS
 from spectrabox.radiometry import chart_causes, errors, interreflection, light_scale, shaped
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding, Severity, worst
@@ -32,16 +32,6 @@ from spectrabox.radiometry.records.photos import MIN_PATCHES
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 
 MIN_BANDS = 3
-
-
-@dataclass(frozen=True)
-class CalibrationOptions:
-    """What an operator may choose of a calibration."""
-
-    method: str = "prior"                       # or one of spline_fit.SPLINE_METHODS
-    prior: CameraPrior | None = None            # None: shipped, or smoothness for other bands
-    coefficients: int = SPLINE_COEFFICIENTS     # of each band, for "paper" and "nonnegative"
-    curves: np.ndarray | None = None            # (K, P) measured; fits none, whatever the method
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +99,8 @@ class ChartCalibration(shaped.Record):
 
 
 def calibrate_chart(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.WavelengthGrid,
-                    options: CalibrationOptions | None = None) -> ChartCalibration:
+                    method: str = "prior", prior: CameraPrior | None = None, *,
+                    curves: np.ndarray | None = None) -> ChartCalibration:
     """Calibration of a camera and its light from photos of a chart.
 
     Parameters
@@ -120,8 +111,12 @@ def calibrate_chart(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Wave
         ``prior``. With a known irradiance of the first, the calibration carries a light scale.
     grid : WavelengthGrid
         Working grid, of P wavelengths.
-    options : CalibrationOptions or None
-        None takes the defaults.
+    method : str
+        ``prior``, or one of ``spline_fit.SPLINE_METHODS``.
+    prior : CameraPrior or None
+        None takes the shipped one, or smoothness for other bands.
+    curves : (K, P) array, optional
+        Measured; none are fitted then, whatever the method.
 
     Raises
     ------
@@ -134,11 +129,11 @@ def calibrate_chart(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Wave
     CalibrationError
         If chart and light do not determine the curves (see ``fit_sensitivities``).
     """
-    chosen = CalibrationOptions() if options is None else options
+    calibrated_by = partial(_calibrated, grid=grid, method=method, prior=prior, curves=curves)
     try:
-        calibrated = _calibrated(photos, grid, chosen)
+        calibrated = calibrated_by(photos)
     except errors.UnexplainedChartError as error:
-        alone = _wrong_patch(photos, grid, chosen, error.worst)
+        alone = _wrong_patch(photos, calibrated_by, error.worst)
         if alone is None:
             raise
         raise errors.UnexplainedChartError(
@@ -147,12 +142,13 @@ def calibrate_chart(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Wave
             f"[{alone + 1}] under [chart] of session.toml)", error.worst, alone) from None
     if calibrated.copy is None or calibrated.copy.edition == photos[0].editions[0].name:
         return calibrated
-    return _calibrated([chart_copy.of_edition(photo, calibrated.copy.edition) for photo in photos],
-                       grid, chosen)
+    return calibrated_by([chart_copy.of_edition(photo, calibrated.copy.edition)
+                          for photo in photos])
 
 
-def _wrong_patch(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.WavelengthGrid,
-                 chosen: CalibrationOptions, number: int) -> int | None:
+def _wrong_patch(photos: Sequence[chart_photo.ChartPhoto],
+                 calibrated_by: Callable[[Sequence[chart_photo.ChartPhoto]], ChartCalibration],
+                 number: int) -> int | None:
     """The patch of the only photo without which its others are explained: this one of those that
     are used, which the others predict worst; None where they are not explained without it either.
     """
@@ -162,23 +158,24 @@ def _wrong_patch(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Wavelen
     excluded = ~photos[0].used
     excluded[used[number]] = True
     try:
-        _calibrated([replace(photos[0], excluded=excluded)], grid, chosen)
+        calibrated_by([replace(photos[0], excluded=excluded)])
     except errors.SpectraboxError:
         return None
     return int(used[number])
 
 
 def _calibrated(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.WavelengthGrid,
-                chosen: CalibrationOptions) -> ChartCalibration:
+                method: str, prior: CameraPrior | None,
+                curves: np.ndarray | None) -> ChartCalibration:
     """The calibration by the first edition that the chart may be of, and which it is likely of."""
     first = photos[0]
-    _require_usable(photos, chosen)
+    _require_usable(photos, method if curves is None else "file")
     power, _ = chart_photo.light_power(first.light_on(grid), grid)
-    if chosen.curves is not None:
-        return _from_measured(first, power, grid, chosen.curves)
-    if chosen.method == "prior":
-        return _with_prior(photos, grid, chosen.prior)
-    return _by_splines(first, power, grid, chosen)
+    if curves is not None:
+        return _from_measured(first, power, grid, curves)
+    if method == "prior":
+        return _with_prior(photos, grid, prior)
+    return _by_splines(first, power, grid, method)
 
 
 def _of_fit(first: chart_photo.ChartPhoto, grid: spectra.WavelengthGrid,
@@ -245,7 +242,7 @@ def _of_fit(first: chart_photo.ChartPhoto, grid: spectra.WavelengthGrid,
                             first.samples.saturated, first.reflectances)
 
 
-def _require_usable(photos: Sequence[chart_photo.ChartPhoto], chosen: CalibrationOptions) -> None:
+def _require_usable(photos: Sequence[chart_photo.ChartPhoto], method: str) -> None:
     """Refuse photos that the method cannot take."""
     first, bands = photos[0], photos[0].samples.mean.shape[1]
     if first.filter is not None:
@@ -255,7 +252,6 @@ def _require_usable(photos: Sequence[chart_photo.ChartPhoto], chosen: Calibratio
         raise InputError(f"the photo has {bands} band{'s' * (bands > 1)}; {MIN_BANDS} or more "
                          "are needed: stack photos that were taken through different filters into "
                          "one of several bands")
-    method = chosen.method if chosen.curves is None else "file"
     if isinstance(first.light, spectra.UnknownLight):
         if method != "prior":
             raise InputError(f"method {method} needs the spectrum of the light, and the photo has "
@@ -392,13 +388,13 @@ def _from_measured(photo: chart_photo.ChartPhoto, power: np.ndarray, grid: spect
 
 
 def _by_splines(photo: chart_photo.ChartPhoto, power: np.ndarray, grid: spectra.WavelengthGrid,
-                chosen: CalibrationOptions) -> ChartCalibration:
+                method: str) -> ChartCalibration:
     """By one of ``spline_fit.SPLINE_METHODS``."""
     fit, scale, without = sensitivity.fit_sensitivities(
-        photo.samples, photo.reflectances, power, photo.irradiance_or_pi, grid, chosen.coefficients,
-        method=chosen.method, used=photo.used)
+        photo.samples, photo.reflectances, power, photo.irradiance_or_pi, grid, method=method,
+        used=photo.used)
     predicted = scale.value * _chart_signals(photo, grid, fit.curves, power)
-    band = "calibration.smooth-band" if chosen.method == "smooth" else "calibration.noise-band"
+    band = "calibration.smooth-band" if method == "smooth" else "calibration.noise-band"
     return _of_fit(photo, grid, fit, scale, predicted, without,
                    [Finding(band, Severity.NOTE)])
 

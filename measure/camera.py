@@ -245,12 +245,10 @@ def measure_camera(shown: Sequence[ChartSignals], stated: Sequence[captured.Capt
     chosen, scene = first.sensitivity, first.chart_scene
     _require_one_camera(shown)
     first.band_names(shown[0].bands)        # refuses measured curves of other bands
-    options = chart_calibration.CalibrationOptions(chosen.method, chosen.prior,
-                                                   curves=chosen.curves)
     irradiance = None if scene is None else chart_fit.irradiance_on(first.layout, scene, first.seed,
                                                                     "auto")
     photos = photos_of_charts(shown, stated, irradiance)
-    fit, held_out = chart_fit.fit(photos, FINE_GRID, options)
+    fit, held_out = chart_fit.fit(photos, FINE_GRID, chosen)
     curves, draws = camera_curves(fit), curve_draws(fit, seed)
     band = curve_band(fit, draws)
     if scene is not None:
