@@ -20,7 +20,7 @@ from spectrabox.calibrate import (
 from spectrabox.calibrate.chart_equations import ChartEquations
 from spectrabox.calibrate.colour_drift import colour_drift
 from spectrabox.calibrate.held_out_patches import PatchesWithout, in_chart_order
-from spectrabox.calibrate.light_error import LightDeparture, light_departures
+from spectrabox.calibrate.light_error import Departure, light_departures
 from spectrabox.calibrate.prior.camera_prior import SMOOTH_SOURCE, CameraPrior
 from spectrabox.calibrate.prior.curve_posterior import relit
 from spectrabox.radiometry import chart_causes, errors, interreflection, light_scale, shaped
@@ -51,7 +51,7 @@ class ChartCalibration(shaped.Record):
     saturated: Annotated[np.ndarray, "I"]           # bool: of the excluded, in every band
     reflectances: Annotated[np.ndarray, "I P"]      # that were taken for the first photo's chart
     prior_fit: sensitivity.PriorFit | None = None   # of the method "prior"
-    departures: tuple[LightDeparture, ...] = ()     # of the lights that may depart from the stated
+    departures: tuple[Departure, ...] = ()     # of the lights that may depart from the stated
     light_evidence: tuple[doubts.LightEvidence,
                           ...] = ()  # on each light of which something was stated
     copy: calibration_records.ChartCopy | None = None  # None: the reflectances were stated
@@ -80,17 +80,6 @@ class ChartCalibration(shaped.Record):
         if self.copy is not None:
             findings += chart_findings.departures(self.copy, names, light)
         return findings
-
-    @property
-    def prior_influence(self) -> calibration_records.PriorInfluence | None:
-        """What of the curves is the prior's; None by methods that use none."""
-        fit = self.prior_fit
-        if fit is None:
-            return None
-        return calibration_records.PriorInfluence(fit.prior_share,
-                                                  tuple(members for members, _ in fit.families),
-                                                  np.array([probability
-                                                            for _, probability in fit.families]))
 
     @property
     def white(self) -> calibration_records.ChartWhite | None:
@@ -287,11 +276,11 @@ def _with_prior(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Waveleng
     of_fit = [*trust.fit_findings(fit, grid)]
     evidence = evidence_on_lights(photos, used, cameras, grid)
     of_light = [one.finding for one in evidence]
-    departures: tuple[LightDeparture, ...] = ()
+    departures: tuple[Departure, ...] = ()
     if isinstance(first.light, spectra.Spectrum):
         departures = light_departures(
             fit.posterior, [photo.light_on(grid) for photo in photos], grid)
-        of_light += [departure.finding for departure in departures]
+        of_light += [departure for departure, _ in departures]
         of_fit.append(doubts.unlike_cameras(fit))
     elif light is not None:
         light = replace(light, findings=(*of_light, *light.findings))

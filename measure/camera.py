@@ -186,9 +186,9 @@ class CameraFit:
             "doubts": calibration_facts.checks(faults(result.calibration.findings)),
             "chart_generation": calibration_facts.copy_facts(result.copy, names),
             "stated_lights": [
-                {"light": one.source, "expected": one.expected, "departs": one.size,
-                 "standard_error": one.size_error, "spectrum": one.spectrum}
-                for one in result.departures],
+                {"light": one.values["stated"], "expected": one.values["expected"],
+                 "departs": one.values["size"], "standard_error": one.values["size_error"],
+                 "spectrum": spectrum} for one, spectrum in result.departures],
             "light_posterior": None if known is None else calibration_facts.posterior_facts(known)}
         joint = result.prior_fit
         if joint is not None:

@@ -74,8 +74,11 @@ class ChartFit(Record):
     irradiance: Annotated[np.ndarray, "I"]
     # each patch by a calibration without it
     left_out: calibration.HeldOutPatches | None = None
-    prior: calibration.PriorInfluence | None = None  # None of curves that no prior was used for
     copy: calibration.ChartCopy | None = None  # None: the chart's reflectances were stated
+    # of the prior's standard deviation, left, 0-1; None of curves that no prior was used for
+    prior_share: Annotated[np.ndarray, "K P"] | None = None
+    # of the prior: members and probability, likeliest first
+    families: tuple[tuple[str, float], ...] = ()
     # a PatchError; None without a prior's fit
     patch_error: Annotated[np.ndarray, "2"] | None = None
 

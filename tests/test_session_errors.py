@@ -258,7 +258,8 @@ def test_errors_of_white_and_glare_are_those_of_small_changes_of_all_unknowns():
     root = 0.01 * np.random.default_rng(84).standard_normal((size, 2 * size))
     white = PhotoWhite(
         SimpleNamespace(names=tuple("abcd")),
-        np.array([0.6, 0.8, 0.5]), field, 1.3, np.full(bands, 0.01), ("shutter", "lamp"), np.zeros(size), root @ root.T)
+        np.array([0.6, 0.8, 0.5]), field, 1.3, np.full(bands, 0.01), ("shutter", "lamp"),
+        np.zeros(size), root @ root.T)
 
     def at(mean, region):
         moved = dataclasses.replace(white, mean=mean)

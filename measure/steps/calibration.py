@@ -175,15 +175,16 @@ def _chart_fit(capture: captured.Capture, chart: MeasuredChart, photo: chart_pho
                fit: chart_calibration.ChartCalibration,
                held_out: calibration_records.HeldOutPatches) -> ChartFit:
     """How the calibration explains the first chart photo."""
-    irradiance, patch_error = photo.irradiance_or_pi, None
-    if fit.prior_fit is not None:
-        patch_error = np.array(fit.prior_fit.patch_error)
-        if isinstance(capture, captured.FlatCapture):       # the fit estimates the light over it
-            irradiance = np.full(len(fit.predicted), np.nan)        # not known of excluded patches
-            irradiance[photo.used] = fit.prior_fit.photos[0].field
-    return ChartFit(chart.detection, chart.samples, fit.predicted,
-                    irradiance / np.fmax.reduce(irradiance), held_out, fit.prior_influence,
-                    fit.copy, patch_error)
+    irradiance, known = photo.irradiance_or_pi, fit.prior_fit
+    if known is not None and isinstance(capture, captured.FlatCapture):
+        # the fit estimates the light over it
+        irradiance = np.full(len(fit.predicted), np.nan)        # not known of excluded patches
+        irradiance[photo.used] = known.photos[0].field
+    made = ChartFit(chart.detection, chart.samples, fit.predicted,
+                    irradiance / np.fmax.reduce(irradiance), held_out, fit.copy)
+    return made if known is None else dataclasses.replace(
+        made, prior_share=known.prior_share, families=known.families,
+        patch_error=np.array(known.patch_error))
 
 
 def require_spectrum(light: Spectrum | UnknownLight) -> Spectrum:

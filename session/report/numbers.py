@@ -181,7 +181,9 @@ def _chart(result: capture_result.CaptureResult,
     swatches = spectra.swatch_pairs(result)
     return {"swatches": _fields(swatches, "measured", "predicted", "delta_e00", "from_others",
                                 "order"),
-            "prior": _fields(chart.prior, "share", "families", "probabilities"),
+            "prior": None if chart.prior_share is None else {
+                "share": chart.prior_share, "families": [members for members, _ in chart.families],
+                "probabilities": np.array([probability for _, probability in chart.families])},
             "measured": chart.samples.mean, "standard_error": chart.samples.standard_error,
             "covariance_of_mean": chart.samples.covariance_of_mean,
             "saturated_fraction": chart.samples.saturated_fraction,
