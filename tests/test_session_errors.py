@@ -45,7 +45,7 @@ CURVES = np.exp(-0.5 * ((PRIOR_GRID.nm - np.array([[600.0], [540.0], [460.0]])) 
 
 def test_glare_as_stated_and_as_the_chart_shows_are_independent():
     shown = np.array([0.0, 0.004, 0.0225])
-    records = records_of(calibrate=SimpleNamespace(chart=SimpleNamespace(glare=shown)))
+    records = records_of(calibrate=SimpleNamespace(glare=shown))
     capture = scene_capture(stray_light=StrayLight(glare=0.003))
     found = inversion.glare_error(capture, records)
     np.testing.assert_allclose(found**2, 0.003**2 + shown**2)
