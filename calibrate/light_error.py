@@ -24,7 +24,7 @@ MIRED_SD = 20.0              # of the light that shone about the one that was na
 KEPT_VARIANCE = 0.995
 
 
-# a light that was stated, how far the fit infers it to be from that, and the spectrum (P,) that
+# what a fit infers of a stated light: how far it is from its statement, and the spectrum (P,) that
 # shone, of mean 1
 Departure = tuple[findings.Finding, np.ndarray]
 

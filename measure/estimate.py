@@ -325,7 +325,7 @@ class Estimate:
         given, drawn by another method than the learnt prior, or from more than its own signal.
         """
         if self.summary is not None and self.summary.variance_shares:
-            return self.summary.variance_shares
+            return dict(self.summary.variance_shares)
         if not self._solvable or self.measurement is None:
             return {}
         return self.posterior.variance_shares(self.errors)
