@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.calibrate import chart_findings
-from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
+from spectrabox.calibrate.chart_calibration import calibrate_chart
 from spectrabox.calibrate.chart_equations import field_terms
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.fixtures.paints import NM, chart_copy
@@ -78,7 +78,7 @@ def main() -> None:
                               stored["spectra"][rng.integers(len(stored["spectra"]))])
             made = calibrate_chart(
                 [photographed(truth, power, kind, rng)], GRID,
-                CalibrationOptions(prior=prior_without(database, makers == makers[camera])))
+                prior=prior_without(database, makers == makers[camera]))
             patches = held_out_patches(made, made.reflectances)
             codes.update(one.code for one in chart_findings.at_fault(patches, CLASSIC.names))
         share = sum(codes.values()) / arguments.charts

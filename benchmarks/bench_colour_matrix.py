@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
+from spectrabox.calibrate.chart_calibration import calibrate_chart
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.doubts import DOUBTFUL, matrix_deviation, matrix_doubt
 from spectrabox.calibrate.prior.learnt_prior import CameraDatabase, read_camera_database
@@ -55,7 +55,7 @@ def fitted_curves(database: CameraDatabase, camera: int, true: str, taken: str) 
     spectrum = Spectrum(GRID, light(taken, GRID), Quantity.RELATIVE, taken)
     prior = prior_without(database, np.arange(len(database.names)) == camera)
     made = calibrate_chart([ChartPhoto(samples, reflectances, spectrum)], GRID,
-                           CalibrationOptions(prior=prior))
+                           prior=prior)
     return made.calibration.sensitivity.curves
 
 

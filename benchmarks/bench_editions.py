@@ -16,7 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
+from spectrabox.calibrate.chart_calibration import calibrate_chart
+from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.radiometry.chart import CLASSIC, COPIES_BEFORE_2014
 from spectrabox.radiometry.charts.references import ChartCopies, editions
 from spectrabox.radiometry.errors import SpectraboxError
@@ -35,7 +36,7 @@ LIMITS = (1, 2, 3, 4, 5)        # nats
 
 
 def evidence(edition: ChartCopies, truth: np.ndarray, light: str, stated: bool,
-             options: CalibrationOptions, rng: np.random.Generator) -> float | None:
+             prior: CameraPrior, rng: np.random.Generator) -> float | None:
     """Nats for the edition since 2014 over the one before, of a photo of a copy of one; None where
     the photo is refused.
     """
@@ -43,7 +44,7 @@ def evidence(edition: ChartCopies, truth: np.ndarray, light: str, stated: bool,
     if not stated:
         photo = replace(photo, light=UnknownLight())
     try:
-        copy = calibrate_chart([photo], GRID, options).copy
+        copy = calibrate_chart([photo], GRID, prior=prior).copy
     except SpectraboxError:
         return None
     return None if copy is None else -copy.evidence[COPIES_BEFORE_2014]
@@ -63,11 +64,10 @@ def main() -> None:
         for camera in range(0, len(makers), arguments.every):
             curves = database.curves[camera]
             truth = on_grid(database.nm, curves / curves.max(), GRID, database.names[camera])
-            options = CalibrationOptions(prior=prior_without(database,
-                                                             makers == makers[camera]))
+            prior = prior_without(database, makers == makers[camera])
             for kind, light in enumerate(("daylight", "filament")):
                 for number, edition in enumerate(editions(CLASSIC)):
-                    since = evidence(edition, truth, light, stated, options,
+                    since = evidence(edition, truth, light, stated, prior,
                                      np.random.default_rng([camera, number, kind, 43]))
                     if since is not None:
                         nats.append(-since if edition.name == COPIES_BEFORE_2014 else since)

@@ -175,7 +175,7 @@ def judged(case: FlatCase) -> dict[str, dict[str, float]]:
 
 
 def _mean(run: FinishedRun, name: str) -> tuple[np.ndarray, np.ndarray]:
-    summary = run.records.sample.spectra[name].summary
+    summary = run.records.sample.spectra[name]
     return summary.grid.nm, summary.mean
 
 

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
+from spectrabox.calibrate.chart_calibration import calibrate_chart
 from spectrabox.calibrate.chart_equations import FIELD_SD, field_terms
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.light_field import light_at_regions
@@ -91,13 +91,12 @@ def away_from_chart(lamps: int, fields: int, rng: np.random.Generator) -> np.nda
 
     def estimate(seen: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         level, *shape = covariance @ terms.T @ seen / PATCH_ERROR**2
-        answer = light_at_regions(ChartWhite(np.exp([level]), np.array(shape), np.zeros(1), whole),
-                                  [in_plane(each) for each in (patches, *places[:, None])],
-                                  [in_picture(each) for each in (patches, *places[:, None])],
-                                  False)
+        white, _, shown, errors = light_at_regions(
+            ChartWhite(np.exp([level]), np.array(shape), np.zeros(1), whole),
+            [in_plane(each) for each in (patches, *places[:, None])],
+            [in_picture(each) for each in (patches, *places[:, None])], False)
         carry = np.column_stack([np.ones(POINTS), np.zeros(POINTS), np.eye(POINTS)])
-        return np.log(answer.level) + answer.field, np.sqrt(np.diag(
-            carry @ answer.covariance @ carry.T))
+        return np.log(white) + shown, np.sqrt(np.diag(carry @ errors @ carry.T))
 
     for _ in range(fields):
         light, lens = field(lamps, rng), vignetting(SIZE, rng.uniform(0.7, 1))
@@ -145,8 +144,8 @@ def named(data: Path, cases: int, rng: np.random.Generator) -> np.ndarray:
                  else UnknownLight())
         photo = ChartPhoto(samples, reflectances, known, chart=CLASSIC)
         try:
-            made = calibrate_chart([photo], GRID, CalibrationOptions(
-                prior=prior_without(database, makers == makers[camera]))).calibration
+            made = calibrate_chart([photo], GRID, prior=prior_without(
+                database, makers == makers[camera])).calibration
         except SpectraboxError:
             continue                            # a refusal is no PASS
         # by itself, or among the causes that the photo leaves open

@@ -14,7 +14,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
+from spectrabox.calibrate.chart_calibration import calibrate_chart
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.prior.learnt_prior import CameraDatabase, read_camera_database
 from spectrabox.measure.plots import plot_matrices
@@ -45,7 +45,7 @@ def compared(database: CameraDatabase, camera: int, lamp: str) -> MatrixComparis
                                                        f"measured {lamp}"))
     makers = np.asarray(makers_of(database))
     prior = prior_without(database, makers == makers[camera])
-    fit = calibrate_chart([photo], FINE_GRID, CalibrationOptions(prior=prior))
+    fit = calibrate_chart([photo], FINE_GRID, prior=prior)
     return compare_matrices(fit, photo, curves)
 
 

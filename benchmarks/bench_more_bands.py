@@ -146,7 +146,7 @@ def scores(folder: Path, scene: Scene) -> list[dict[str, Any]]:
                           progress=lambda *_: None)
     rows = []
     for name in finished.records.sample.spectra:
-        known, number = finished.records.sample.spectra[name].summary, int(name[1:])
+        known, number = finished.records.sample.spectra[name], int(name[1:])
         true = np.interp(known.grid.nm, NM, scene.surfaces[number])
         rows.append({"set": scene.sets[number],
                      "rmse": float(np.sqrt(np.mean((known.mean - true) ** 2))),

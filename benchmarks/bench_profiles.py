@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
+from spectrabox.calibrate.chart_calibration import calibrate_chart
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.colour_profile import colour_errors, stated_transform
 from spectrabox.calibrate.prior.learnt_prior import CameraDatabase, read_camera_database
@@ -56,7 +56,7 @@ def photographed(database: CameraDatabase, camera: int, lamp: str, unknown: bool
     stated = UnknownLight() if unknown else Spectrum(FINE_GRID, power, Quantity.RELATIVE, lamp)
     prior = prior_without(database, np.arange(len(database.names)) == camera)
     fit = calibrate_chart([ChartPhoto(samples, reflectances, stated)], FINE_GRID,
-                          CalibrationOptions(prior=prior))
+                          prior=prior)
     return (response_of_curves(curves, power, FINE_GRID),
             *response_of_calibration(fit.calibration))
 

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.calibrate.camera_curves import camera_curves, curve_band, curve_draws
-from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
+from spectrabox.calibrate.chart_calibration import calibrate_chart
 from spectrabox.calibrate.chart_equations import field_terms
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.prior.camera_prior import CameraPrior, matern
@@ -82,7 +82,7 @@ def fitted(truth: np.ndarray, names: tuple[str, ...], prior: CameraPrior,
 def judged(photos: list[ChartPhoto], prior: CameraPrior,
            truth: np.ndarray) -> tuple[float, float, float]:
     """Error, share that the 90 % band holds and interval score of the fit to photos by (K, P)."""
-    fit = calibrate_chart(photos, GRID, CalibrationOptions(prior=prior))
+    fit = calibrate_chart(photos, GRID, prior=prior)
     band, curves = curve_band(fit, curve_draws(fit)), camera_curves(fit).curves
     assert band is not None
     lower, upper = band

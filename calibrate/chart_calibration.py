@@ -1,9 +1,10 @@
 """A whole calibration: curves, light and scale, from chart photos or from measured curves."""
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, NamedTuple
+from functools import partial
+from typing import Annotated
 
 import numpy as np
 
@@ -19,10 +20,9 @@ from spectrabox.calibrate import (
 from spectrabox.calibrate.chart_equations import ChartEquations
 from spectrabox.calibrate.colour_drift import colour_drift
 from spectrabox.calibrate.held_out_patches import PatchesWithout, in_chart_order
-from spectrabox.calibrate.light_error import LightDeparture, light_departures
+from spectrabox.calibrate.light_error import Departure, light_departures
 from spectrabox.calibrate.prior.camera_prior import SMOOTH_SOURCE, CameraPrior
 from spectrabox.calibrate.prior.curve_posterior import relit
-from spectrabox.calibrate.spline_fit import SPLINE_COEFFICIENTS
 from spectrabox.radiometry import chart_causes, errors, interreflection, light_scale, shaped
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding, Severity, worst
@@ -32,16 +32,6 @@ from spectrabox.radiometry.records.photos import MIN_PATCHES
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 
 MIN_BANDS = 3
-
-
-@dataclass(frozen=True)
-class CalibrationOptions:
-    """What an operator may choose of a calibration."""
-
-    method: str = "prior"                       # or one of spline_fit.SPLINE_METHODS
-    prior: CameraPrior | None = None            # None: shipped, or smoothness for other bands
-    coefficients: int = SPLINE_COEFFICIENTS     # of each band, for "paper" and "nonnegative"
-    curves: np.ndarray | None = None            # (K, P) measured; fits none, whatever the method
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,13 +44,14 @@ class ChartCalibration(shaped.Record):
     held_out: Annotated[np.ndarray, "I K"]          # each patch predicted from the others
     delta_e: Annotated[np.ndarray, "I"]             # CIEDE2000 of each patch, fitted
     held_out_delta_e: Annotated[np.ndarray, "I"]    # the same, the patch left out of the fit
-    prior_fit: sensitivity.PriorFit | None                      # of the method "prior"
     without: PatchesWithout                         # the first photo's patches, each left out
+    # the same by fits without patches that others contradict
+    cleaned: PatchesWithout
     excluded: Annotated[np.ndarray, "I"]            # bool: excluded from every fit
     saturated: Annotated[np.ndarray, "I"]           # bool: of the excluded, in every band
-    cleaned: PatchesWithout                         # as ``without``, suspects out of every fit
     reflectances: Annotated[np.ndarray, "I P"]      # that were taken for the first photo's chart
-    departures: tuple[LightDeparture, ...] = ()     # of the lights that may depart from the stated
+    prior_fit: sensitivity.PriorFit | None = None   # of the method "prior"
+    departures: tuple[Departure, ...] = ()     # of the lights that may depart from the stated
     light_evidence: tuple[doubts.LightEvidence,
                           ...] = ()  # on each light of which something was stated
     copy: calibration_records.ChartCopy | None = None  # None: the reflectances were stated
@@ -91,24 +82,14 @@ class ChartCalibration(shaped.Record):
         return findings
 
     @property
-    def prior_influence(self) -> calibration_records.PriorInfluence | None:
-        """What of the curves is the prior's; None by methods that use none."""
-        fit = self.prior_fit
-        if fit is None:
-            return None
-        return calibration_records.PriorInfluence(fit.prior_share,
-                                                  tuple(members for members, _ in fit.families),
-                                                  np.array([probability
-                                                            for _, probability in fit.families]))
-
-    @property
     def white(self) -> calibration_records.ChartWhite | None:
         """White, field and glare of the first photo; None by methods that fit none."""
         return None if self.prior_fit is None else self.prior_fit.photos[0].white
 
 
 def calibrate_chart(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.WavelengthGrid,
-                    options: CalibrationOptions | None = None) -> ChartCalibration:
+                    method: str = "prior", prior: CameraPrior | None = None, *,
+                    curves: np.ndarray | None = None) -> ChartCalibration:
     """Calibration of a camera and its light from photos of a chart.
 
     Parameters
@@ -119,8 +100,12 @@ def calibrate_chart(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Wave
         ``prior``. With a known irradiance of the first, the calibration carries a light scale.
     grid : WavelengthGrid
         Working grid, of P wavelengths.
-    options : CalibrationOptions or None
-        None takes the defaults.
+    method : str
+        ``prior``, or one of ``spline_fit.SPLINE_METHODS``.
+    prior : CameraPrior or None
+        None takes the shipped one, or smoothness for other bands.
+    curves : (K, P) array, optional
+        Measured; none are fitted then, whatever the method.
 
     Raises
     ------
@@ -133,11 +118,11 @@ def calibrate_chart(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Wave
     CalibrationError
         If chart and light do not determine the curves (see ``fit_sensitivities``).
     """
-    chosen = CalibrationOptions() if options is None else options
+    calibrated_by = partial(_calibrated, grid=grid, method=method, prior=prior, curves=curves)
     try:
-        calibrated = _calibrated(photos, grid, chosen)
+        calibrated = calibrated_by(photos)
     except errors.UnexplainedChartError as error:
-        alone = _wrong_patch(photos, grid, chosen, error.worst)
+        alone = _wrong_patch(photos, calibrated_by, error.worst)
         if alone is None:
             raise
         raise errors.UnexplainedChartError(
@@ -146,12 +131,13 @@ def calibrate_chart(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Wave
             f"[{alone + 1}] under [chart] of session.toml)", error.worst, alone) from None
     if calibrated.copy is None or calibrated.copy.edition == photos[0].editions[0].name:
         return calibrated
-    return _calibrated([chart_copy.of_edition(photo, calibrated.copy.edition) for photo in photos],
-                       grid, chosen)
+    return calibrated_by([chart_copy.of_edition(photo, calibrated.copy.edition)
+                          for photo in photos])
 
 
-def _wrong_patch(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.WavelengthGrid,
-                 chosen: CalibrationOptions, number: int) -> int | None:
+def _wrong_patch(photos: Sequence[chart_photo.ChartPhoto],
+                 calibrated_by: Callable[[Sequence[chart_photo.ChartPhoto]], ChartCalibration],
+                 number: int) -> int | None:
     """The patch of the only photo without which its others are explained: this one of those that
     are used, which the others predict worst; None where they are not explained without it either.
     """
@@ -161,39 +147,65 @@ def _wrong_patch(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Wavelen
     excluded = ~photos[0].used
     excluded[used[number]] = True
     try:
-        _calibrated([replace(photos[0], excluded=excluded)], grid, chosen)
+        calibrated_by([replace(photos[0], excluded=excluded)])
     except errors.SpectraboxError:
         return None
     return int(used[number])
 
 
 def _calibrated(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.WavelengthGrid,
-                chosen: CalibrationOptions) -> ChartCalibration:
+                method: str, prior: CameraPrior | None,
+                curves: np.ndarray | None) -> ChartCalibration:
     """The calibration by the first edition that the chart may be of, and which it is likely of."""
     first = photos[0]
-    _require_usable(photos, chosen)
+    _require_usable(photos, method if curves is None else "file")
+    power, _ = chart_photo.light_power(first.light_on(grid), grid)
+    if curves is not None:
+        return _from_measured(first, power, grid, curves)
+    if method == "prior":
+        return _with_prior(photos, grid, prior)
+    return _by_splines(first, power, grid, method)
+
+
+def _of_fit(first: chart_photo.ChartPhoto, grid: spectra.WavelengthGrid,
+            fit: calibration_records.SensitivityFit, scale: calibration_records.LightScale,
+            predicted: np.ndarray, without: PatchesWithout, of_fit: Sequence[Finding],
+            of_light: Sequence[Finding] = (),
+            light_posterior: calibration_records.LightPosterior | None = None) -> ChartCalibration:
+    """The calibration by curves, and how well it explains the first photo's chart.
+
+    Parameters
+    ----------
+    first : ChartPhoto
+    grid : WavelengthGrid
+        Working grid, of P wavelengths.
+    fit : SensitivityFit
+        With residuals; where no patch was left out of it, those are taken for the left-out ones.
+    scale : LightScale
+    predicted : (I, K) array
+        Signals.
+    without : PatchesWithout
+    of_fit, of_light : sequences of Finding
+    light_posterior : LightPosterior, optional
+        Of an unknown light.
+    """
     light = first.light_on(grid)
-    power, unlit = chart_photo.light_power(light, grid)
-    if chosen.curves is not None:
-        fitted = _from_measured(first, power, grid, chosen.curves)
-    elif chosen.method == "prior":
-        fitted = _with_prior(photos, grid, chosen.prior)
-    else:
-        fitted = _by_splines(first, power, grid, chosen)
-    fit, scale, held_out = fitted.fit, fitted.scale, fitted.held_out
+    _, unlit = chart_photo.light_power(light, grid)
+    left_out = fit.held_out_residuals is not None
+    held_out = fit.held_out_residuals if left_out else fit.residuals
+    assert held_out is not None
     signals_without = first.samples.mean * (1 - held_out)
     covariance = sensitivity.relative_prediction_covariance(held_out, first.samples,
                                                             first.excluded)
     delta_e, delta_e_without = (
         trust.chart_colour_differences(first.samples.mean, signal, first.reflectances, grid)
-        for signal in (fitted.predicted, signals_without))
+        for signal in (predicted, signals_without))
 
     known = ~first.samples.clipped.any(axis=1)
     if first.excluded is not None:
         known &= ~first.excluded.astype(bool)
-    left_out = chosen.curves is None
     findings = [
-        *fitted.of_light,
+        *of_light,
         Finding("calibration.chart-colours", Severity.INFO, values={
             "mean": float(delta_e[known].mean()),
             "left_out": float(delta_e_without[known].mean()) if left_out else None}),
@@ -205,55 +217,21 @@ def _calibrated(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Waveleng
     if scale.standard_error is not None:
         findings.append(Finding("calibration.white", Severity.INFO, values={
             "error": float(scale.standard_error / scale.value)}))
-    findings += [*unlit, *_clipped(fitted.without, first), *fitted.of_fit]
-    if fitted.prior_fit is not None:
-        findings += joint_estimate.veiled(fitted.prior_fit)
+    findings += [*unlit, *_clipped(without, first), *of_fit]
     # products with an unknown light are no curves that a matrix could be held against
-    if fitted.light is None:
+    if light_posterior is None:
         findings += doubts.colour_matrix(first.samples.camera_from_xyz, fit.curves, grid)
-    if fitted.prior_fit is not None:
-        number = doubts.worst_explained(fitted.prior_fit, fitted.used)
-        findings = doubts.told_apart(findings, _patch_signals(fitted, number), fitted.evidence)
 
     calibration = calibration_records.Calibration(fit, light,
                                                   None if first.irradiance is None else scale,
-                                                  covariance, tuple(findings), fitted.light,
+                                                  covariance, tuple(findings), light_posterior,
                                                   isinstance(first.light, spectra.UnknownLight))
-    return ChartCalibration(calibration, scale, fitted.predicted, signals_without, delta_e,
-                            delta_e_without, fitted.prior_fit, fitted.without, ~first.used,
-                            first.samples.saturated, fitted.cleaned, first.reflectances,
-                            fitted.departures, fitted.evidence,
-                            None if fitted.prior_fit is None else
-                            chart_copy.copy_of_chart(photos, fitted.prior_fit, grid),
-                            _patch_signals(fitted, 0))
+    return ChartCalibration(calibration, scale, predicted, signals_without, delta_e,
+                            delta_e_without, without, without, ~first.used,
+                            first.samples.saturated, first.reflectances)
 
 
-class _Fitted(NamedTuple):
-    """What a method says of the first photo's chart, and of its light where that was unknown."""
-
-    fit: calibration_records.SensitivityFit
-    scale: calibration_records.LightScale
-    predicted: np.ndarray       # (I, K)
-    held_out: np.ndarray        # (I, K) residuals, relative; each patch left out where one was
-    without: PatchesWithout
-    cleaned: PatchesWithout     # by fits without patches that others contradict
-    of_fit: tuple[Finding, ...]
-    prior_fit: sensitivity.PriorFit | None = None
-    light: calibration_records.LightPosterior | None = None
-    of_light: tuple[Finding, ...] = ()
-    departures: tuple[LightDeparture, ...] = ()
-    evidence: tuple[doubts.LightEvidence, ...] = ()
-    used: tuple[ChartEquations, ...] = ()
-
-
-def _patch_signals(fitted: _Fitted, number: int) -> chart_causes.PatchSignals | None:
-    if fitted.prior_fit is None:
-        return None
-    state = fitted.prior_fit.photos[number]
-    return doubts.patch_signals(fitted.used[number], state.predicted, state.glare, state.field)
-
-
-def _require_usable(photos: Sequence[chart_photo.ChartPhoto], chosen: CalibrationOptions) -> None:
+def _require_usable(photos: Sequence[chart_photo.ChartPhoto], method: str) -> None:
     """Refuse photos that the method cannot take."""
     first, bands = photos[0], photos[0].samples.mean.shape[1]
     if first.filter is not None:
@@ -263,7 +241,6 @@ def _require_usable(photos: Sequence[chart_photo.ChartPhoto], chosen: Calibratio
         raise InputError(f"the photo has {bands} band{'s' * (bands > 1)}; {MIN_BANDS} or more "
                          "are needed: stack photos that were taken through different filters into "
                          "one of several bands")
-    method = chosen.method if chosen.curves is None else "file"
     if isinstance(first.light, spectra.UnknownLight):
         if method != "prior":
             raise InputError(f"method {method} needs the spectrum of the light, and the photo has "
@@ -288,7 +265,7 @@ def _clipped(without: PatchesWithout, photo: chart_photo.ChartPhoto) -> list[Fin
 
 
 def _with_prior(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.WavelengthGrid,
-                prior: CameraPrior | None) -> _Fitted:
+                prior: CameraPrior | None) -> ChartCalibration:
     """By the joint estimate from all photos; of an unknown light, products with it."""
     first = photos[0]
     used, excluded = chart_photo.used_and_excluded(photos, grid)
@@ -299,11 +276,11 @@ def _with_prior(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Waveleng
     of_fit = [*trust.fit_findings(fit, grid)]
     evidence = evidence_on_lights(photos, used, cameras, grid)
     of_light = [one.finding for one in evidence]
-    departures: tuple[LightDeparture, ...] = ()
+    departures: tuple[Departure, ...] = ()
     if isinstance(first.light, spectra.Spectrum):
         departures = light_departures(
             fit.posterior, [photo.light_on(grid) for photo in photos], grid)
-        of_light += [departure.finding for departure in departures]
+        of_light += [departure for departure, _ in departures]
         of_fit.append(doubts.unlike_cameras(fit))
     elif light is not None:
         light = replace(light, findings=(*of_light, *light.findings))
@@ -325,11 +302,18 @@ def _with_prior(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Waveleng
     predicted[first.used] = fit.photos[0].predicted
     residuals = 1 - predicted / first.samples.mean
     held_out = 1 - signals_without / first.samples.mean
-    return _Fitted(replace(fit.sensitivity, residuals=residuals, held_out_residuals=held_out),
-                   replace(fit.photos[0].light_scale, residuals=residuals), predicted, held_out,
-                   without, joint_estimate.without_suspects(photos, cameras, grid, without),
-                   tuple(of_fit), fit, light, tuple(of_light), departures, evidence,
-                   tuple(used))
+    made = _of_fit(first, grid,
+                   replace(fit.sensitivity, residuals=residuals, held_out_residuals=held_out),
+                   replace(fit.photos[0].light_scale, residuals=residuals), predicted, without,
+                   [*of_fit, *joint_estimate.veiled(fit)], of_light, light)
+    signals = [doubts.patch_signals(used[number], state.predicted, state.glare, state.field)
+               for number in (0, doubts.worst_explained(fit, used))
+               for state in [fit.photos[number]]]
+    findings = doubts.told_apart([*made.calibration.findings], signals[1], evidence)
+    return replace(made, calibration=replace(made.calibration, findings=tuple(findings)),
+                   cleaned=joint_estimate.without_suspects(photos, cameras, grid, without),
+                   prior_fit=fit, departures=departures, light_evidence=evidence,
+                   copy=chart_copy.copy_of_chart(photos, fit, grid), patches=signals[0])
 
 
 def evidence_on_lights(photos: Sequence[chart_photo.ChartPhoto], used: list[ChartEquations],
@@ -362,7 +346,7 @@ def evidence_on_lights(photos: Sequence[chart_photo.ChartPhoto], used: list[Char
 
 
 def _from_measured(photo: chart_photo.ChartPhoto, power: np.ndarray, grid: spectra.WavelengthGrid,
-                   curves: np.ndarray) -> _Fitted:
+                   curves: np.ndarray) -> ChartCalibration:
     """Measured curves as they are; the photo gives the scale of its light."""
     samples, used, irradiance = photo.samples, photo.used, photo.irradiance_or_pi
     unscaled = _chart_signals(photo, grid, curves, power)
@@ -388,21 +372,20 @@ def _from_measured(photo: chart_photo.ChartPhoto, power: np.ndarray, grid: spect
                              samples.covariance_of_mean, samples.clipped)
     (equations,), _ = chart_photo.used_and_excluded([photo], grid)
     agreement = trust.check_measured_curves(equations, curves, grid)
-    return _Fitted(_measured_curves(grid, curves, residuals), replace(scale, residuals=residuals),
-                   predicted, residuals, without, without, (agreement,))
+    return _of_fit(photo, grid, _measured_curves(grid, curves, residuals),
+                   replace(scale, residuals=residuals), predicted, without, [agreement])
 
 
 def _by_splines(photo: chart_photo.ChartPhoto, power: np.ndarray, grid: spectra.WavelengthGrid,
-                chosen: CalibrationOptions) -> _Fitted:
+                method: str) -> ChartCalibration:
     """By one of ``spline_fit.SPLINE_METHODS``."""
     fit, scale, without = sensitivity.fit_sensitivities(
-        photo.samples, photo.reflectances, power, photo.irradiance_or_pi, grid, chosen.coefficients,
-        method=chosen.method, used=photo.used)
+        photo.samples, photo.reflectances, power, photo.irradiance_or_pi, grid, method=method,
+        used=photo.used)
     predicted = scale.value * _chart_signals(photo, grid, fit.curves, power)
-    assert fit.held_out_residuals is not None
-    band = "calibration.smooth-band" if chosen.method == "smooth" else "calibration.noise-band"
-    return _Fitted(fit, scale, predicted, fit.held_out_residuals, without, without,
-                   (Finding(band, Severity.NOTE),))
+    band = "calibration.smooth-band" if method == "smooth" else "calibration.noise-band"
+    return _of_fit(photo, grid, fit, scale, predicted, without,
+                   [Finding(band, Severity.NOTE)])
 
 
 def _chart_signals(photo: chart_photo.ChartPhoto, grid: spectra.WavelengthGrid, curves: np.ndarray,

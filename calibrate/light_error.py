@@ -9,15 +9,13 @@ infers the departure along with the curves. A spectrum from a file is taken as i
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
 
 from spectrabox.calibrate.chart_equations import DARK_SHARE, field_terms
 from spectrabox.calibrate.prior import curve_posterior, prior_fit
 from spectrabox.calibrate.products import lamps as known_lamps
-from spectrabox.radiometry import findings, shaped
+from spectrabox.radiometry import findings
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records import photos, spectra
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
@@ -26,26 +24,9 @@ MIRED_SD = 20.0              # of the light that shone about the one that was na
 KEPT_VARIANCE = 0.995
 
 
-@dataclass(frozen=True, eq=False)
-class LightDeparture(shaped.Record):
-    """How far the light of a photo is from its statement, as the fit of a camera infers it.
-
-    Sizes are root mean squares over wavelengths of the logarithm.
-    """
-
-    source: str                                     # what was stated
-    expected: float                                 # size beforehand
-    size: float
-    size_error: float                               # standard error of the departure, its size
-    spectrum: Annotated[np.ndarray, "P"]            # that shone, of mean 1
-
-    @property
-    def finding(self) -> findings.Finding:
-        """What was inferred, with the colour temperature."""
-        return findings.Finding("light.departs", findings.Severity.INFO, values={
-            "stated": self.source, "expected": self.expected, "size": self.size,
-            "size_error": self.size_error,
-            "kelvin": float(known_lamps.colour_temperatures(self.spectrum[None])[0])})
+# what a fit infers of a stated light: how far it is from its statement, and the spectrum (P,) that
+# shone, of mean 1
+Departure = tuple[findings.Finding, np.ndarray]
 
 
 def light_terms(light: spectra.Spectrum, grid: spectra.WavelengthGrid) -> np.ndarray | None:
@@ -85,8 +66,11 @@ def light_terms(light: spectra.Spectrum, grid: spectra.WavelengthGrid) -> np.nda
 
 
 def light_departures(posterior: prior_fit.CurvePosterior, lights: Sequence[spectra.Spectrum],
-                     grid: spectra.WavelengthGrid) -> tuple[LightDeparture, ...]:
+                     grid: spectra.WavelengthGrid) -> tuple[Departure, ...]:
     """What a fit infers of every light that may depart from its statement, each light once.
+
+    Sizes are root mean squares over wavelengths of the logarithm: that expected beforehand, that
+    inferred, and its standard error.
 
     Parameters
     ----------
@@ -105,10 +89,14 @@ def light_departures(posterior: prior_fit.CurvePosterior, lights: Sequence[spect
         error = light.terms @ covariance[light.own, light.own] @ light.terms.T
         logarithm = light.logarithm(mean)
         spectrum = spectrum_on_grid(stated, grid) * (posterior.basis @ np.exp(logarithm))
-        departures[light.own.start] = LightDeparture(
-            stated.source, float(np.sqrt(np.mean(np.sum(light.terms**2, axis=1)))),
-            float(np.sqrt(np.mean(logarithm**2))), float(np.sqrt(np.trace(error) / len(error))),
-            spectrum / spectrum.mean())
+        spectrum /= spectrum.mean()
+        departures[light.own.start] = findings.Finding(
+            "light.departs", findings.Severity.INFO, values={
+                "stated": stated.source,
+                "expected": float(np.sqrt(np.mean(np.sum(light.terms**2, axis=1)))),
+                "size": float(np.sqrt(np.mean(logarithm**2))),
+                "size_error": float(np.sqrt(np.trace(error) / len(error))),
+                "kelvin": float(known_lamps.colour_temperatures(spectrum[None])[0])}), spectrum
     return tuple(departures.values())
 
 

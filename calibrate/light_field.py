@@ -18,15 +18,11 @@ more kind of arrangement, and the chart says whether it holds.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated
-
 import numpy as np
 
 from spectrabox.calibrate.chart_equations import FIELD_SD, field_terms
 from spectrabox.radiometry.covariance import symmetric
 from spectrabox.radiometry.records.calibration import ChartWhite
-from spectrabox.radiometry.shaped import Record
 
 LAMP_DISTANCES = (1.5, 3.0, 6.0, 12.0, 25.0)    # a Classic from 0.4 m, a Nano from 0.6 m
 ARRANGEMENTS = 400           # of each distance
@@ -41,19 +37,10 @@ FLAT_SHARE = 0.5             # beforehand: that a flat field took the light's fa
 RIDGE = 1e-10
 
 
-@dataclass(frozen=True, eq=False)
-class LightAtRegions(Record):
-    """White signal, glare and the field at R regions, relative to the chart's mean, together."""
-
-    level: Annotated[np.ndarray, "K"]       # signal of white where the log field is 0
-    glare: Annotated[np.ndarray, "K"]       # signal
-    field: Annotated[np.ndarray, "R"]       # log of the light
-    covariance: Annotated[np.ndarray, "Z Z"]    # of log level, glare, field: Z = 2 K + R
-
-
 def light_at_regions(white: ChartWhite, plane: list[np.ndarray], picture: list[np.ndarray],
-                     flat_field: bool, seed: int = 0) -> LightAtRegions:
-    """The light at other regions of a photo, given its chart.
+                     flat_field: bool, seed: int = 0
+                     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The light at other regions of a photo, relative to the chart's mean, given its chart.
 
     Parameters
     ----------
@@ -69,6 +56,17 @@ def light_at_regions(white: ChartWhite, plane: list[np.ndarray], picture: list[n
         Whether the photo was divided by that of a white card.
     seed : int
         Of the arrangements of lamps.
+
+    Returns
+    -------
+    level : (K,) array
+        Signal of white where the log field is 0.
+    glare : (K,) array
+        Signal.
+    field : (R,) array
+        Logarithm of the light.
+    covariance : (Z, Z) array
+        Of log level, glare and field together: Z = 2 K + R.
     """
     terms = field_terms(plane[0])
     project = np.linalg.pinv(terms)
@@ -88,8 +86,8 @@ def light_at_regions(white: ChartWhite, plane: list[np.ndarray], picture: list[n
     covariance = sum(weight * (inside + np.outer(off, off)) for weight, off, (_, _, inside)
                      in zip(weights, means - mean, fits, strict=True))
     bands = len(white.level)
-    return LightAtRegions(white.level * np.exp(mean[:bands]), mean[bands:2 * bands],
-                          mean[2 * bands:], symmetric(np.asarray(covariance)))
+    return (white.level * np.exp(mean[:bands]), mean[bands:2 * bands], mean[2 * bands:],
+            symmetric(np.asarray(covariance)))
 
 
 def _likelihood(white: ChartWhite) -> tuple[np.ndarray, np.ndarray]:

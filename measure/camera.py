@@ -186,9 +186,9 @@ class CameraFit:
             "doubts": calibration_facts.checks(faults(result.calibration.findings)),
             "chart_generation": calibration_facts.copy_facts(result.copy, names),
             "stated_lights": [
-                {"light": one.source, "expected": one.expected, "departs": one.size,
-                 "standard_error": one.size_error, "spectrum": one.spectrum}
-                for one in result.departures],
+                {"light": one.values["stated"], "expected": one.values["expected"],
+                 "departs": one.values["size"], "standard_error": one.values["size_error"],
+                 "spectrum": spectrum} for one, spectrum in result.departures],
             "light_posterior": None if known is None else calibration_facts.posterior_facts(known)}
         joint = result.prior_fit
         if joint is not None:
@@ -245,12 +245,10 @@ def measure_camera(shown: Sequence[ChartSignals], stated: Sequence[captured.Capt
     chosen, scene = first.sensitivity, first.chart_scene
     _require_one_camera(shown)
     first.band_names(shown[0].bands)        # refuses measured curves of other bands
-    options = chart_calibration.CalibrationOptions(chosen.method, chosen.prior,
-                                                   curves=chosen.curves)
     irradiance = None if scene is None else chart_fit.irradiance_on(first.layout, scene, first.seed,
                                                                     "auto")
     photos = photos_of_charts(shown, stated, irradiance)
-    fit, held_out = chart_fit.fit(photos, FINE_GRID, options)
+    fit, held_out = chart_fit.fit(photos, FINE_GRID, chosen)
     curves, draws = camera_curves(fit), curve_draws(fit, seed)
     band = curve_band(fit, draws)
     if scene is not None:

@@ -12,8 +12,10 @@ import numpy as np
 
 from spectrabox.calibrate.chart_findings import edition_told, evidence_since
 from spectrabox.measure import captured, tables, texts, words
+from spectrabox.measure.records import ChartFit
 from spectrabox.measure.results.facts import Fact, columns, known_facts
-from spectrabox.radiometry import appearance, chart, error_model, gloss
+from spectrabox.radiometry import appearance, error_model, gloss
+from spectrabox.radiometry.chart import COPIES_SINCE_2014, Chart
 from spectrabox.radiometry.findings import Finding, Severity
 
 if TYPE_CHECKING:
@@ -243,7 +245,7 @@ def _fluorescence(result: capture_result.CaptureResult) -> Finding:
 
 
 def _linearity(result: capture_result.CaptureResult) -> Finding:
-    greys = None if result.chart is None else exponent_of_greys(result.chart)
+    greys = None if result.chart is None else exponent_of_greys(result.chart, result.layout)
     bracket = any(len(files) > 1 for view in result.stated.views for files in view.photo.values())
     ways = [way for held, way in ((greys is not None, "greys"), (bracket, "exposures"),
                                   (result.stated.dark_frames, "dark-frames")) if held]
@@ -273,7 +275,7 @@ def _chart_copy(result: capture_result.CaptureResult) -> tuple[Finding, ...]:
         standing, known_by, error = MEASURED, "copies", float(copy.level_error[lightest])
         more = {"edition": copy.edition, "white": float(copy.level[lightest]), "nats": nats,
                 "told": edition_told(copy), "as_told": nats is not None and (nats > 0) == (
-                    copy.edition == chart.COPIES_SINCE_2014)}
+                    copy.edition == COPIES_SINCE_2014)}
     elif result.stated.chart_stated:
         standing, known_by = STATED, "reference"
     else:
@@ -422,7 +424,7 @@ def _common_error(result: scene_result.SceneResult, causes: Sequence[str]) -> fl
     return max(errors) or None
 
 
-def exponent_of_greys(chart: capture_result.ChartResult) -> tuple[float, float] | None:
+def exponent_of_greys(chart: ChartFit, layout: Chart) -> tuple[float, float] | None:
     """The power of the light that the signals of a chart's grey patches follow, and its standard
     error; None with too few of them.
 
@@ -431,9 +433,11 @@ def exponent_of_greys(chart: capture_result.ChartResult) -> tuple[float, float] 
 
     Parameters
     ----------
-    chart : ChartResult
+    chart : ChartFit
+    layout : Chart
+        Of it.
     """
-    greys = [patch for patch in chart.layout.neutrals if not chart.samples.clipped[patch].any()]
+    greys = [patch for patch in layout.neutrals if not chart.samples.clipped[patch].any()]
     if len(greys) < FEWEST_GREYS:
         return None
     measured, predicted = chart.samples.mean[greys], chart.predicted[greys]

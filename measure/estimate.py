@@ -57,8 +57,6 @@ class Estimate:
         the surface's gloss may have added comes besides, among the measurement's states.
     prior : LogitMixture or None
         On reflectances; None where another method than the learnt prior drew.
-    samples : SpectrumSamples or None
-        The draws that the summary was made from, where there were any.
     inverse_rendering : (P,) array or None
         The one spectrum of the fit to the photo of a scene.
     given : (nm, reflectance) or None
@@ -87,17 +85,13 @@ class Estimate:
     measurement: spectral_records.SpectralMeasurement | None = None
     errors: Mapping[str, np.ndarray] = field(default_factory=dict)
     prior: mixture.LogitMixture | None = None
-    samples: spectral_records.SpectrumSamples | None = None
     inverse_rendering: np.ndarray | None = None
     given: tuple[np.ndarray, np.ndarray] | None = None
     of_signal: tuple[Finding, ...] = ()
     truth: spectral_records.Spectrum | None = None
-    # what was solved before, so that it need not be solved again: the posterior, or how it ended,
-    # the shares of families in it and of causes in its variance
+    # what was solved before, so that it need not be solved again: the posterior, or how it ended
     solved: signal_posterior.SignalPosterior | None = None
     ended: spectral_records.Outcome | None = None
-    family_shares: Mapping[str, float] | None = None
-    variance_shares: Mapping[str, float] | None = None
     # the draws rest on more than ``measurement``: further readings, or all surfaces of a scene
     from_more: bool = False
     bounds_from: str = "all measurements"
@@ -141,6 +135,11 @@ class Estimate:
         return np.zeros_like(self.mean) if self.given is not None \
             else self._summary.standard_deviation
 
+    @property
+    def samples(self) -> spectral_records.SpectrumSamples | None:
+        """The draws that the summary was made from, where there were any."""
+        return None if self.summary is None else self.summary.samples
+
     def band(self, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper reflectance (P,) of the pointwise central band.
 
@@ -169,7 +168,7 @@ class Estimate:
             lower, upper = self.posterior.band(level)
             grid_nm = mixture.PRIOR_GRID.nm
         else:
-            draws = self._held_draws
+            draws = self._summary.draws
             check_draws(draws.effective_samples, level)
             lower, upper = np.quantile(draws.spectra, [(1 - level) / 2, (1 + level) / 2], axis=0)
             grid_nm = draws.grid.nm
@@ -214,11 +213,12 @@ class Estimate:
         if held is not None and held.seed == seed and len(held.spectra) == count:
             return _on(self.nm, held.grid.nm, held.spectra)
         if not self._solvable:
-            if count > len(self._held_draws.spectra):
+            held = self._summary.draws
+            if count > len(held.spectra):
                 raise InputError(f"{count} draws were asked for and {self.name!r} holds "
-                                 f"{len(self._held_draws.spectra)}, of a method that cannot draw "
+                                 f"{len(held.spectra)}, of a method that cannot draw "
                                  "more here; ask for fewer, or estimate again with more draws")
-            return _on(self.nm, self._held_draws.grid.nm, self._held_draws.spectra[:count])
+            return _on(self.nm, held.grid.nm, held.spectra[:count])
         return _on(self.nm, mixture.PRIOR_GRID.nm, self.posterior.draws(count, seed))
 
     @property
@@ -324,8 +324,8 @@ class Estimate:
         Metamerism is what would remain if the signal were perfect. Empty where the spectrum was
         given, drawn by another method than the learnt prior, or from more than its own signal.
         """
-        if self.variance_shares is not None:
-            return dict(self.variance_shares)
+        if self.summary is not None and self.summary.variance_shares:
+            return dict(self.summary.variance_shares)
         if not self._solvable or self.measurement is None:
             return {}
         return self.posterior.variance_shares(self.errors)
@@ -337,9 +337,13 @@ class Estimate:
         """
         if self.prior is None or not self._outcome.as_intended:
             return ()
-        shares = self.posterior.family_shares if self.family_shares is None else self.family_shares
         return family_coverage.family_coverages(
-            shares, self.prior.stated, self.prior.certificates) if shares else ()
+            shares, self.prior.stated, self.prior.certificates) if (shares := self._shares) else ()
+
+    @property
+    def _shares(self) -> dict[str, float]:
+        """Of families, under the learnt prior."""
+        return self._summary.family_shares or self.posterior.family_shares
 
     @property
     def _tested(self) -> list[Finding]:
@@ -403,7 +407,7 @@ class Estimate:
         if self.ended is None or self.prior is None:
             return self.posterior.findings
         return signal_posterior.outcome_findings(self.ended, self.prior.stated,
-                                                 self.family_shares or {})
+                                                 self._summary.family_shares)
 
     @property
     def as_intended(self) -> bool:
@@ -577,8 +581,7 @@ class Estimate:
         if self.causes:
             facts["error_budget"] = self.causes
         if self.prior is not None:
-            facts |= {"families": dict(self.posterior.family_shares if self.family_shares is None
-                                       else self.family_shares),
+            facts |= {"families": dict(self._shares),
                       "certified": family_coverage.coverage_facts(self.families),
                       "certificate": self.certificate}
         if self.name:
@@ -653,11 +656,6 @@ class Estimate:
     def _summary(self) -> spectral_records.SpectrumSummary:
         assert self.summary is not None, "an estimate has a summary unless its spectrum was given"
         return self.summary
-
-    @property
-    def _held_draws(self) -> spectral_records.SpectrumSamples:
-        assert self.samples is not None, "a method without a learnt prior keeps its draws"
-        return self.samples
 
     @cached_property
     def _colours(self) -> dict[str, Colour]:

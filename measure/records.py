@@ -14,7 +14,7 @@ from spectrabox.measure.pictures import pixel_flags
 from spectrabox.radiometry.findings import Finding, each_once
 from spectrabox.radiometry.records import calibration, scenes
 from spectrabox.radiometry.records import photos as photo_records
-from spectrabox.radiometry.records.spectra import SurfaceSignals, SurfaceSpectrum
+from spectrabox.radiometry.records.spectra import SpectrumSummary, SurfaceSignals
 from spectrabox.radiometry.shaped import Record
 
 Kind = TypeVar("Kind")
@@ -65,15 +65,22 @@ class PhotoRecords(Record):
 
 @dataclass(frozen=True, eq=False)
 class ChartFit(Record):
-    """How the calibration explains the first chart photo."""
+    """The first chart photo as it was used, and how the calibration explains it."""
 
+    detection: photo_records.ChartDetection
+    samples: photo_records.PatchSamples
     predicted: Annotated[np.ndarray, "I K"]     # signals
-    irradiance: Annotated[np.ndarray, "I"]      # NaN on patches of which it is not known
-    glare: Annotated[np.ndarray, "J"]           # certain veiling glare, of the mean signal; K or 1
-    patch_error: Annotated[np.ndarray, "2"] | None      # a PatchError; None without a prior's fit
-    prior: calibration.PriorInfluence | None  # None of curves that no prior was used for
-    left_out: calibration.HeldOutPatches                    # each patch by a calibration without it
+    # relative, brightest 1; NaN on patches of which it is not known
+    irradiance: Annotated[np.ndarray, "I"]
+    # each patch by a calibration without it
+    left_out: calibration.HeldOutPatches | None = None
     copy: calibration.ChartCopy | None = None  # None: the chart's reflectances were stated
+    # of the prior's standard deviation, left, 0-1; None of curves that no prior was used for
+    prior_share: Annotated[np.ndarray, "K P"] | None = None
+    # of the prior: members and probability, likeliest first
+    families: tuple[tuple[str, float], ...] = ()
+    # a PatchError; None without a prior's fit
+    patch_error: Annotated[np.ndarray, "2"] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +93,8 @@ class CalibrationRecords(Record):
     # by view, of charts with a fit of their own: each patch by a calibration without it
     other_charts: dict[str, calibration.HeldOutPatches]
     findings: tuple[Finding, ...]               # of charts and lights, beside each calibration's
+    # certain veiling glare of the first chart photo, of its mean signal; K, or 1 for all bands
+    glare: Annotated[np.ndarray, "J"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +134,7 @@ class SignalRecords(Record):
 class SampleRecords(Record):
     """What the step "sample" makes."""
 
-    spectra: dict[str, SurfaceSpectrum]         # by surface, those that are not known
+    spectra: dict[str, SpectrumSummary]         # by surface, those that are not known
 
 
 @dataclass(frozen=True, eq=False)

@@ -284,8 +284,9 @@ def held_out_patches(found: CaptureResult) -> list[Finding]:
     chart = found.chart
     if chart is None or chart.left_out is None:
         return []
-    return [of_photo(one, view) for view, patches in {"": chart.left_out, **chart.others}.items()
-            for one in (*chart_findings.held_out(patches, chart.layout.names),
+    left_out = {"": chart.left_out, **found.other_charts}
+    return [of_photo(one, view) for view, patches in left_out.items()
+            for one in (*chart_findings.held_out(patches, found.layout.names),
                         chart_findings.colours(patches))]
 
 
@@ -302,8 +303,8 @@ def chart_agreement(found: CaptureResult) -> list[Finding]:
                         values={"value": None, "passes": passes, "fails": fails})]
     each = {"": residuals}
     for view, made in found.other_calibrations.items():
-        assert chart is not None and made.sensitivity.residuals is not None
-        each[view] = made.sensitivity.residuals[chart.others[view].counted]
+        assert made.sensitivity.residuals is not None
+        each[view] = made.sensitivity.residuals[found.other_charts[view].counted]
     return [of_photo(one, view) for view, values in each.items() if values is not None
             for one in chart_findings.chart_residual(values, found.stated.chart_stated)]
 

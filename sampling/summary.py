@@ -200,7 +200,7 @@ def summarise(
         bound_lower=bound_lower, bound_upper=bound_upper, level=level, conditional_on=conditional_on
         or (findings.Finding("band.prior-and-sampler", findings.Severity.INFO,
                              values={"method": samples.method}), *samples.findings),
-        next_measurement_nm=next_measurement_nm(samples.grid, covariance))
+        next_measurement_nm=next_measurement_nm(samples.grid, covariance), samples=samples)
 
 
 def check_draws(effective_samples: float, level: float) -> None:

@@ -11,7 +11,7 @@ from matplotlib import image as raster
 from small_captures import scene_capture, scene_view
 
 from spectrabox.measure.captured import InputFile, SceneCapture
-from spectrabox.measure.results.capture_result import ChartResult
+from spectrabox.measure.records import ChartFit
 from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.radiometry.error_model import (
@@ -153,15 +153,15 @@ def _photo(made: Reconstruction) -> LinearImage:
                        "Maker Model 1234", "photos/scene.dng", "9f" * 32)
 
 
-def _chart(rng: np.random.Generator, bands: int) -> ChartResult:
+def _chart(rng: np.random.Generator, bands: int) -> ChartFit:
     measured = rng.uniform(0.03, 0.6, (24, bands))
     measured[18:] = np.array([0.62, 0.41, 0.25, 0.14, 0.06, 0.022])[:, None]
     corners = np.zeros((24, 4, 2)) + np.array([[0, 0], [9, 0], [9, 9], [0, 9]])
     samples = PatchSamples(measured, np.array([np.eye(bands) * 1e-7] * 24), np.full(24, 400),
                            np.zeros((24, bands)), np.full((24, bands), 0.01))
     fall_off = np.linspace(1, 0.88, 6) * np.linspace(1, 0.96, 4)[:, None]
-    return ChartResult(ChartDetection(corners, 0.97, False, GIVEN_CORNERS), samples,
-                       measured * rng.normal(1, 0.01, measured.shape), fall_off.ravel())
+    return ChartFit(ChartDetection(corners, 0.97, False, GIVEN_CORNERS), samples,
+                    measured * rng.normal(1, 0.01, measured.shape), fall_off.ravel())
 
 
 def _surface(rng: np.random.Generator, made: Reconstruction, m: int, bands: tuple[str, ...],
@@ -184,12 +184,11 @@ def _surface(rng: np.random.Generator, made: Reconstruction, m: int, bands: tupl
     coefficients = np.clip(centre + rng.normal(0, 0.06, (200, COEFFICIENTS)), 0, 1)
     draws = coefficients @ BASIS.T
     lower, upper = np.quantile(draws, [0.025, 0.975], axis=0)
+    samples = SpectrumSamples(GRID, draws, coefficients, "hit-and-run", 180.0, 7,
+                              Outcome.EXACT, (Outcome.EXACT.finding(),))
     summary = SpectrumSummary(GRID, draws.mean(axis=0), draws.std(axis=0), lower, upper,
                               np.clip(lower - 0.12, 0, 1), np.clip(upper + 0.12, 0, 1), 0.95,
                               (Finding("band.sampler", Severity.INFO, values={
                                   "method": "hit-and-run", "coefficients": COEFFICIENTS}),),
-                              423.0)
-    samples = SpectrumSamples(GRID, draws, coefficients, "hit-and-run", 180.0, 7,
-                              Outcome.EXACT, (Outcome.EXACT.finding(),))
-    return SurfaceResult(name, summary, samples=samples, inverse_rendering=estimate,
-                         signals=signals, truth=measured)
+                              423.0, samples)
+    return SurfaceResult(name, summary, inverse_rendering=estimate, signals=signals, truth=measured)

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 import spectrabox as sb
 from spectrabox.calibrate.camera_curves import curve_band, curve_draws
-from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
+from spectrabox.calibrate.chart_calibration import calibrate_chart
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.capture.photo.image_writers import write_exr
@@ -60,7 +60,7 @@ def test_the_command_gives_what_python_gives(chart, method, tmp_path):
     samples = read_patches(chart / "patches.csv").samples
     light = read_spectrum(chart / "light.csv", role=Quantity.RELATIVE)
     photo = ChartPhoto(samples, chart_reflectances("BabelColor Average", GRID), light)
-    fit = calibrate_chart([photo], GRID, CalibrationOptions(method))
+    fit = calibrate_chart([photo], GRID, method)
     curves_fitted = fit.calibration.sensitivity.curves
     # The same code on the same numbers; JSON keeps every digit.
     np.testing.assert_array_equal(facts["sensitivities"], curves_fitted)

@@ -5,7 +5,7 @@ import pytest
 from calibrate_cameras import GRID, daylight, led, on_grid, prior, reflectances, samples, signals
 from calibrate_cameras import cameras_at_10_nm as cameras
 
-from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
+from spectrabox.calibrate.chart_calibration import calibrate_chart
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.findings import faults
@@ -28,7 +28,7 @@ def calibrated(signal, *more, light=None, **options):
     first = (signal, daylight() if light is None else light)
     photos = [ChartPhoto(samples(taken, 0.003), SURFACES, lamp(power))
              for taken, power in (first, *more)]
-    return calibrate_chart(photos, GRID, CalibrationOptions(**options))
+    return calibrate_chart(photos, GRID, **options)
 
 
 def mirrored(signal):
@@ -131,7 +131,7 @@ def test_fall_off_is_said_of_each_photo_that_may_have_one():
               if one.code == "calibration.field"}
     assert fields[2]["low"] == pytest.approx(0.9, abs=0.03)
     lit = ChartPhoto(samples(chart()), SURFACES, lamp(daylight()), np.full(24, np.pi))
-    known = calibrate_chart([lit], GRID, CalibrationOptions(prior=prior()))
+    known = calibrate_chart([lit], GRID, prior=prior())
     assert "calibration.field" not in {one.code for one in known.calibration.findings}
 
 

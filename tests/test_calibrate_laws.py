@@ -22,7 +22,6 @@ from scipy import optimize
 
 from spectrabox.calibrate import chart_calibration
 from spectrabox.calibrate.chart_calibration import (
-    CalibrationOptions,
     calibrate_chart,
     calibration_from_curves,
 )
@@ -330,14 +329,14 @@ def calibrated():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(chart_calibration, "evidence_on_lights", lambda *_: ())
         for method in ("nonnegative", "smooth", "file", "prior"):
-            options = CalibrationOptions("prior" if method == "file" else method, coarse_prior(),
-                                         curves=curves if method == "file" else None)
             pairs[method] = []
             for factor in (1.0, 3.0):
                 shown = ChartPhoto(samples(factor * signal, 0.003), surfaces,
                                    Spectrum(GRID, power, Quantity.RELATIVE, "lamp"),
                                    factor * np.full(24, 2.0))
-                pairs[method].append(calibrate_chart([shown], GRID, options))
+                pairs[method].append(calibrate_chart(
+                    [shown], GRID, "prior" if method == "file" else method, coarse_prior(),
+                    curves=curves if method == "file" else None))
     return pairs
 
 

@@ -19,7 +19,7 @@ from calibrate_cameras import (
 from calibrate_cameras import cameras_at_10_nm as cameras
 from typer.testing import CliRunner
 
-from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
+from spectrabox.calibrate.chart_calibration import calibrate_chart
 from spectrabox.calibrate.chart_equations import field_terms
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.prior.curve_posterior import draw_curves, sensitivity_draws
@@ -175,7 +175,7 @@ def test_a_band_of_any_brightness_is_fitted_alike():
 def test_draws_follow_the_calibrations_covariance():
     signal = noisy(signals(on_grid(cameras(1, 75)[0]), daylight(), SURFACES), 0.005, 7)
     result = calibrate_chart([ChartPhoto(samples(signal, 0.005), SURFACES, spectrum(daylight()))],
-                             GRID, CalibrationOptions(prior=prior()))
+                             GRID, prior=prior())
     fit = result.calibration.sensitivity
     draws = sensitivity_draws(result.calibration, 2000, 3)
     assert draws.shape == (2000, 3, 301) and draws.min() >= 0
@@ -192,7 +192,7 @@ def test_measured_curves_have_no_draws():
     curves = on_grid(cameras(1, 76)[0])
     signal = signals(curves, daylight(), SURFACES)
     fit = calibrate_chart([ChartPhoto(samples(signal), SURFACES, spectrum(daylight()))], GRID,
-                          CalibrationOptions(curves=curves))
+                          curves=curves)
     level, error, _ = fit.without.deviations(SURFACES)     # nothing uncertain, nothing off
     assert np.abs(level).max() < 1e-4 and np.isfinite(error).all()
     with pytest.raises(InputError, match=r"measured curves from a file.*carry no covariance"):

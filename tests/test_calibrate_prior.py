@@ -19,7 +19,7 @@ from calibrate_cameras import (
 )
 from calibrate_cameras import cameras_at_10_nm as cameras
 
-from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
+from spectrabox.calibrate.chart_calibration import calibrate_chart
 from spectrabox.calibrate.chart_equations import field_terms
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.prior.camera_prior import (
@@ -157,7 +157,7 @@ def test_nothing_negative_leaves_the_fit():
 def calibrated(signal, light=None, known=None):
     lamp = Spectrum(GRID, daylight() if light is None else light, Quantity.RELATIVE, "lamp")
     shot = ChartPhoto(samples(signal, 0.001), SURFACES, lamp)
-    return calibrate_chart([shot], GRID, CalibrationOptions(prior=known)).calibration
+    return calibrate_chart([shot], GRID, prior=known).calibration
 
 
 def refused(signal, light=None):

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from calibrate_cameras import GRID, NODES, cameras, led, on_grid, reflectances, samples, signals
 
-from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
+from spectrabox.calibrate.chart_calibration import calibrate_chart
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.prior.learnt_prior import build_prior
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum
@@ -21,7 +21,7 @@ def white_errors(method, relative_noise, camera, curves, known):
     signal *= 1 + relative_noise * np.random.default_rng(500 + camera).standard_normal(signal.shape)
     lamp = Spectrum(GRID, POWER, Quantity.RADIANCE, "lamp")
     fit = calibrate_chart([ChartPhoto(samples(signal), SURFACES, lamp, IRRADIANCE)], GRID,
-                          CalibrationOptions(method, known))
+                          method, known)
     fitted = fit.scale.value * fit.calibration.sensitivity.curves @ (POWER * GRID.weights_nm)
     return fitted / (SCALE * truth
                      @ (POWER * GRID.weights_nm)) - 1, fit.scale.standard_error / fit.scale.value

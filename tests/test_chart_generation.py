@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 import spectrabox as sb
 from spectrabox.calibrate import chart_findings, copy_errors
-from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
+from spectrabox.calibrate.chart_calibration import calibrate_chart
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.fixtures.chart_scene import chart_scene, mosaic
 from spectrabox.fixtures.dng import write_dng
@@ -53,7 +53,7 @@ def photo_of(surfaces, seed, noise=0.002, of=(SINCE, BEFORE_2014), camera=80):
 
 
 def calibrated(photo):
-    return calibrate_chart([photo], GRID, CalibrationOptions(prior=prior()))
+    return calibrate_chart([photo], GRID, prior=prior())
 
 
 def test_colours_of_the_later_chart_have_changed_as_published_and_spectra_smoothly():

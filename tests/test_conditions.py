@@ -21,6 +21,7 @@ from spectrabox.measure.conditions import (
 from spectrabox.measure.regions.moved_lamp import InPlace
 from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.radiometry.appearance import delta_e00, reflectance_to_lab
+from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.error_model import LIGHT_FIELD, PHOTO_NOISE
 from spectrabox.radiometry.findings import Finding, Severity
 
@@ -35,10 +36,10 @@ def grey(level: float, light_error: float, light_share: float, tmp_path) -> Surf
     """A grey of a reflectance whose light is known to an error, which is a share of its variance.
     """
     surface = example_session(tmp_path).found.surfaces[0]
-    summary = dataclasses.replace(surface.summary, mean=np.full_like(surface.summary.mean, level))
-    return dataclasses.replace(
-        with_errors(surface, {LIGHT_FIELD: light_error}), summary=summary,
+    summary = dataclasses.replace(
+        surface.summary, mean=np.full_like(surface.summary.mean, level),
         variance_shares={LIGHT_FIELD: light_share, PHOTO_NOISE: 1 - light_share})
+    return dataclasses.replace(with_errors(surface, {LIGHT_FIELD: light_error}), summary=summary)
 
 
 def with_errors(surface: SurfaceResult, relative: dict[str, float]) -> SurfaceResult:
@@ -133,7 +134,8 @@ def drawn(level: float, spread: float, tmp_path) -> SurfaceResult:
     spectra = np.ones_like(surface.samples.spectra)
     levels = level + spread * np.linspace(-1, 1, len(spectra))
     samples = dataclasses.replace(surface.samples, spectra=levels[:, None] * spectra)
-    return dataclasses.replace(surface, samples=samples)
+    return dataclasses.replace(surface, summary=dataclasses.replace(surface.summary,
+                                                                    samples=samples))
 
 
 @pytest.mark.parametrize("level, spread", [(0.2, 0.01), (0.2, 0.1), (0.7, 0.1)])
@@ -171,7 +173,7 @@ def test_greys_of_a_chart_measure_the_exponent_of_the_light(tmp_path, exponent):
     noise = rng.normal(0, 0.01, (24, 1))        # a patch errs in all bands alike
     samples = dataclasses.replace(chart.samples, mean=chart.predicted ** exponent
                                   * np.array([0.5, 1.0, 2.0]) * np.exp(noise))
-    found, error = exponent_of_greys(dataclasses.replace(chart, samples=samples))
+    found, error = exponent_of_greys(dataclasses.replace(chart, samples=samples), CLASSIC)
     # 6 greys over a factor 28: 0.01 / sqrt(sum of squares of the logarithm, 7.4) is 0.0037
     assert 0.001 < error < 0.01
     assert abs(found - exponent) < 5 * 0.0037

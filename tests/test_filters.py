@@ -9,7 +9,6 @@ from calibrate_cameras import prior as simulated_prior
 from test_calibrate_products import shot, simulated_lamps
 from typer.testing import CliRunner
 
-from spectrabox.calibrate.chart_calibration import CalibrationOptions
 from spectrabox.calibrate.chart_equations import PatchError, noise_of_photos, rows_of_patch
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.sensitivity import fit_with_prior
@@ -213,7 +212,7 @@ def test_two_chart_photos_measure_a_filter_within_its_standard_error():
                           filter=through)
                for photo, through in ((bare(0.003), None), (through(ORANGE, stated_filter(
                    "true", ORANGE), 0.003), unknown_filter()))]
-    known, _ = filter_from_charts(*layouts, None, CalibrationOptions(prior=simulated_prior()))
+    known, _ = filter_from_charts(*layouts, None, prior=simulated_prior())
     seen = (grid > 430) & (grid < 660)
     off = np.log(known.values / ORANGE)
     off -= off[seen].mean()

@@ -10,11 +10,7 @@ import pytest
 
 from spectrabox.calibrate import light_field
 from spectrabox.calibrate.chart_equations import FIELD_SD, PatchError, field_terms
-from spectrabox.calibrate.light_field import (
-    FLAT_SHARE,
-    LightAtRegions,
-    light_at_regions,
-)
+from spectrabox.calibrate.light_field import FLAT_SHARE, light_at_regions
 from spectrabox.measure.pictures import picture_maps
 from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
 from spectrabox.measure.regions import white as module
@@ -86,7 +82,7 @@ def flat_photo():
 @pytest.fixture
 def seen(monkeypatch):
     """White at the regions of a photo."""
-    elsewhere = LightAtRegions(LEVEL, GLARE, FIELD, unknowns())
+    elsewhere = LEVEL, GLARE, FIELD, unknowns()
     monkeypatch.setattr(module, "_light_at", lambda *_: elsewhere)
     return lambda: module.white_by_chart(flat_photo(), ERRORS)
 
@@ -184,7 +180,7 @@ def test_the_map_of_the_light_shows_what_a_known_card_said(monkeypatch):
         apart = np.linalg.norm(at[:, None] - at[None], axis=-1)
         covariance = np.zeros((6 + len(at),) * 2)
         covariance[6:, 6:] = 0.08**2 * np.exp(-((apart / 3)**2))
-        return LightAtRegions(LEVEL, 0 * GLARE, np.zeros(len(at)), covariance)
+        return LEVEL, 0 * GLARE, np.zeros(len(at)), covariance
     monkeypatch.setattr(module, "_light_at", smooth)
     monkeypatch.setattr(module.interreflection, "relative_response", lambda *_: np.eye(3))
     signal = EXPOSURE * LEVEL * SURFACES
@@ -244,18 +240,18 @@ def test_light_over_a_picture_is_the_mixture_of_every_kind_of_lamp(monkeypatch):
     monkeypatch.setattr(light_field, "_nearly_even", lambda *_: (None, None))
     plane = rng.uniform(size=(24, 2))
     white = ChartWhite(LEVEL, np.zeros(5), GLARE, 1e-4 * np.eye(11))
-    light = light_at_regions(white, 3 * [plane], 3 * [plane], True)
+    level, _, log_light, covariance = light_at_regions(white, 3 * [plane], 3 * [plane], True)
     shares = np.r_[np.full(len(kinds) - 1, (1 - FLAT_SHARE) / (len(kinds) - 1)), FLAT_SHARE]
     weights = shares * np.exp([evidence for evidence, _, _ in kinds])
     counts = rng.multinomial(200_000, weights / weights.sum())
     draws = np.vstack([rng.multivariate_normal(mean, inside, count)
                        for count, (_, mean, inside) in zip(counts, kinds, strict=True)])
-    size = np.sqrt(np.diag(light.covariance))
+    size = np.sqrt(np.diag(covariance))
     # 200 000 draws know a variance to 0.5 %
     np.testing.assert_allclose(np.cov(draws, rowvar=False) / np.outer(size, size),
-                               light.covariance / np.outer(size, size), atol=0.02)
-    np.testing.assert_allclose(light.level, LEVEL * np.exp(draws[:, :3].mean(axis=0)), rtol=1e-3)
-    np.testing.assert_allclose(light.field, draws[:, 6:].mean(axis=0), atol=1e-3)
+                               covariance / np.outer(size, size), atol=0.02)
+    np.testing.assert_allclose(level, LEVEL * np.exp(draws[:, :3].mean(axis=0)), rtol=1e-3)
+    np.testing.assert_allclose(log_light, draws[:, 6:].mean(axis=0), atol=1e-3)
 
 
 @pytest.mark.parametrize("photos", [1, 2, 4])

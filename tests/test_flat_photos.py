@@ -76,7 +76,7 @@ def errors_and_cover(finished):
     """RMSE and the share inside the band, of every paint."""
     found = []
     for name in PAINTS:
-        summary = finished.records.sample.spectra[name].summary
+        summary = finished.records.sample.spectra[name]
         truth = np.interp(summary.grid.nm, NM, paint(name)[1])
         found.append([np.sqrt(np.mean((summary.mean - truth)**2)),
                       np.mean((summary.lower <= truth) & (truth <= summary.upper)),
@@ -379,7 +379,7 @@ def test_a_filter_adds_three_bands_under_a_light_that_nobody_knows(tmp_path, unk
     off = (records.signals.signal - true_signals(records.signals)) / errors_of(records.signals)
     # 24 signals of which those of one region are nearly one: 4 sigma
     assert np.abs(off[np.isfinite(off)]).max() < 4
-    width, before = (np.mean([spectra[name].summary.upper - spectra[name].summary.lower
+    width, before = (np.mean([spectra[name].upper - spectra[name].lower
                               for name in PAINTS]) for spectra in (records.sample.spectra, one))
     assert width < before
     if said == "unknown":

@@ -8,7 +8,6 @@ from calibrate_cameras import GRID
 
 from spectrabox.calibrate import chart_findings
 from spectrabox.calibrate.chart_calibration import (
-    CalibrationOptions,
     calibrate_chart,
     evidence_on_lights,
 )
@@ -46,7 +45,7 @@ def spectrum(name):
 @pytest.mark.parametrize("method", ["prior", "unknown", "smooth", "nonnegative", "file"])
 def test_every_calibration_predicts_each_patch_from_the_others(method):
     photo = chart_photo("LED-B3", UnknownLight() if method == "unknown" else spectrum("LED-B3"))
-    made = calibrate_chart([photo], GRID, options_of(method))
+    made = calibrate_chart([photo], GRID, **options_of(method))
     patches = held_out_patches(made, SURFACES)
     assert patches.mean.shape == (24, 61) and not patches.excluded.any()
     # Three signals leave an rms of 0.02 to 0.04 to a learnt prior even with the true curves.
@@ -77,8 +76,8 @@ def test_a_patch_kept_out_changes_nothing_but_itself(stated):
 
 
 def options_of(method):
-    return CalibrationOptions("prior" if method == "unknown" else method,
-                              curves=CURVES if method == "file" else None)
+    return {"method": "prior" if method == "unknown" else method,
+            "curves": CURVES if method == "file" else None}
 
 
 def clipped_photo(seed, reading, method, left_out=False):
@@ -96,7 +95,7 @@ def clipped_photo(seed, reading, method, left_out=False):
 @pytest.mark.usefixtures("light_as_stated")
 @pytest.mark.parametrize("method", ["prior", "unknown", "smooth", "nonnegative", "paper", "file"])
 def test_a_clipped_band_of_a_patch_says_nothing(method):
-    fits = [calibrate_chart([clipped_photo(3, reading, method)], GRID, options_of(method))
+    fits = [calibrate_chart([clipped_photo(3, reading, method)], GRID, **options_of(method))
             for reading in (1.0, 0.5)]
     first, second = fits
     # a clipped signal has 1e-8 of the weight of others, and is off by 50 of their standard errors
@@ -164,7 +163,7 @@ def test_the_doubt_is_in_the_calibration_and_the_run_goes_on_with_an_unknown_lig
 
 def test_an_unknown_light_needs_the_method_that_can_find_it():
     with pytest.raises(InputError, match="method paper needs the spectrum of the light"):
-        calibrate_chart([chart_photo("A", UnknownLight())], GRID, CalibrationOptions("paper"))
+        calibrate_chart([chart_photo("A", UnknownLight())], GRID, "paper")
     with pytest.raises(InputError, match="must all be under that light"):
         calibrate_chart([chart_photo("A", UnknownLight()), chart_photo("D65", spectrum("D65"), 4)],
                         GRID)

@@ -15,7 +15,7 @@ from calibrate_cameras import (
 )
 
 from spectrabox.calibrate.camera_curves import camera_curves
-from spectrabox.calibrate.chart_calibration import CalibrationOptions, calibrate_chart
+from spectrabox.calibrate.chart_calibration import calibrate_chart
 from spectrabox.calibrate.chart_photo import ChartPhoto
 from spectrabox.calibrate.light_error import light_terms
 from spectrabox.calibrate.prior.curve_posterior import camera_alone, curve_moments
@@ -93,12 +93,13 @@ def test_the_departure_is_said_and_the_camera_has_curves_of_its_own():
     curves = cameras_at_10_nm(1, 63)[0]
     shown = ChartPhoto(samples(seen(curves, light("D50", GRID), 3), 0.003), SURFACES,
                        spectrum_of_name("D65", GRID))
-    result = calibrate_chart([shown], GRID, CalibrationOptions(prior=prior()))
-    departure, = result.departures
-    assert departure.finding in result.calibration.findings
-    assert departure.source == "CIE D65" and 0 < departure.size_error < 2 * departure.expected
+    result = calibrate_chart([shown], GRID, prior=prior())
+    (departure, spectrum), = result.departures
+    assert departure in result.calibration.findings
+    said = departure.values
+    assert said["stated"] == "CIE D65" and 0 < said["size_error"] < 2 * said["expected"]
     true = light("D50", GRID) / light("D65", GRID)
-    ratio = departure.spectrum / light("D65", GRID)
+    ratio = spectrum / light("D65", GRID)
     # towards D50, by some of the 46 mired, of which 20 were thought likely
     assert 0.2 < np.polyfit(np.log(true), np.log(ratio), 1)[0] < 1.3
     own = camera_curves(result)

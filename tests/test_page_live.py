@@ -64,14 +64,14 @@ def test_what_the_page_shows_of_a_region_is_what_a_run_finds(tmp_path):
     spectra = load_finished(read_session(session)).records.sample.spectra
     assert shown["white_wall"]["given"] and "leaves the photo" in clipped["refused"]
     for name in ("green_wall", "cube"):
-        summary = spectra[name].summary
+        summary = spectra[name]
         # round-off of the least squares, and five decimals
         for curve in ("mean", "lower", "upper"):
             np.testing.assert_allclose(shown[name][curve], getattr(summary, curve), atol=2e-5)
         assert dict(shown[name]["causes"])["metamerism"] == pytest.approx(
             spectra[name].variance_shares["metamerism"], abs=1e-3)
     # closed form against 1000 draws: a standard error of the mean is a thirtieth of a deviation
-    summary = spectra["green_wall"].summary
+    summary = spectra["green_wall"]
     mean = np.interp(summary.grid.nm, pointed["nm"], pointed["mean"])
     assert np.all(np.abs(mean - summary.mean) < 5 * summary.standard_deviation / 1000**0.5 + 2e-4)
 

@@ -149,8 +149,8 @@ def test_draws_reproduce_the_signal_within_its_stated_noise(finished):
     records = run.records
     calibration, made = records.calibrations(run.capture.views)[0], records.reconstruct.joint
     for index, name in enumerate(made.materials):
-        samples, summary = (records.sample.spectra[name].samples,
-                            records.sample.spectra[name].summary)
+        summary = records.sample.spectra[name]
+        samples = summary.samples
         operator = without_states(measurement(scene_signals(made, [calibration]), index))
         assert samples.spectra.min() >= 0 and samples.spectra.max() <= 1
         residual = samples.spectra @ response_on(operator, samples.grid).T - operator.signal

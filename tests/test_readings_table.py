@@ -83,7 +83,7 @@ def test_damaged_metadata_leave_the_table_without_a_quantity(table, damaged):
 def test_the_spectra_of_a_session_are_read_by_colour_science(finished):
     assert CliRunner().invoke(app, ["report", str(finished)]).exit_code == 0
     spectra = colour.read_sds_from_csv_file(str(finished / "spectra.csv"))
-    summary = load_finished(read_session(finished)).records.sample.spectra["green"].summary
+    summary = load_finished(read_session(finished)).records.sample.spectra["green"]
     for title, values in (("green mean", summary.mean), ("green bound upper", summary.bound_upper)):
         np.testing.assert_allclose(spectra[title].values, values, rtol=DIGITS)
     assert read_table(finished / "spectra.csv").facts["quantity"] == "reflectance"

@@ -211,7 +211,8 @@ def test_a_signal_unlike_what_the_prior_knows_is_said_where_the_material_is_show
     first = results.found.surfaces[0]
     samples = dataclasses.replace(first.samples, outcome=Outcome.UNFAMILIAR,
                                   findings=(Outcome.UNFAMILIAR.finding(),))
-    surfaces = (dataclasses.replace(first, samples=samples), *results.found.surfaces[1:])
+    summary = dataclasses.replace(first.summary, samples=samples)
+    surfaces = (dataclasses.replace(first, summary=summary), *results.found.surfaces[1:])
     page = written(with_found(results, surfaces=surfaces))
     card = card_of(page, 1)
     assert f'href="#material-1">{first.name}</a>' in card
@@ -229,8 +230,9 @@ def test_how_a_family_was_certified_is_said_once_and_marked_where_the_material_i
     certificate = FamilyCertificate(False, 2, 600, BandCertificate(0.915, 0.193),
                                     BandCertificate(0.891, 0.164))
     prior = dataclasses.replace(load_prior(), certificates={"textile": certificate})
-    first = dataclasses.replace(results.found.surfaces[0], prior=prior,
-                                family_shares={"textile": 0.7, "paint": 0.04})
+    first = results.found.surfaces[0]
+    first = dataclasses.replace(first, prior=prior, summary=dataclasses.replace(
+        first.summary, family_shares={"textile": 0.7, "paint": 0.04}))
     results = with_found(results, surfaces=(first, *results.found.surfaces[1:]))
     page = written(results)
     said = "textile 89.1 % at a mean width of 0.164 (models, no measured library)"
@@ -255,7 +257,8 @@ def test_what_all_bands_rest_on_is_said_once(usual):
 def test_what_is_assumed_between_the_photos_is_said_with_its_cost(tmp_path):
     results = example_session(tmp_path)
     scale = with_common_error(results.found.light_scale, REPEATABILITY, 0.015)
-    surfaces = [dataclasses.replace(material, variance_shares={REPEATABILITY: share})
+    surfaces = [dataclasses.replace(material, summary=material.summary and dataclasses.replace(
+        material.summary, variance_shares={REPEATABILITY: share}))
                 for material, share in zip(results.found.surfaces, (0.1, 0.3), strict=False)]
     fit = dataclasses.replace(results.found.reconstruction, light_scale=scale)
     light = with_found(results, reconstruction=fit, surfaces=surfaces).found.conditions[0]

@@ -10,7 +10,7 @@ from report_example import GRID, example_session, with_found
 
 from spectrabox.calibrate.trust import chart_colour_differences
 from spectrabox.radiometry.chart import CLASSIC, chart_reflectances
-from spectrabox.radiometry.records.calibration import HeldOutPatches, PriorInfluence
+from spectrabox.radiometry.records.calibration import HeldOutPatches
 from spectrabox.radiometry.spectra.named_spectra import relative_response
 from spectrabox.sampling.prior.mixture import load_prior
 from spectrabox.session.report.figures import (
@@ -45,14 +45,15 @@ def session(tmp_path_factory):
     chart = dataclasses.replace(
         results.found.chart, predicted=predicted, left_out=left_out,
         samples=dataclasses.replace(results.found.chart.samples, mean=measured),
-        prior=PriorInfluence(np.linspace(0, 1, 3 * grid.nm.size).reshape(3, -1),
-                            ("Maker <A>", "Maker B"), np.array([0.9, 0.1])))
+        prior_share=np.linspace(0, 1, 3 * grid.nm.size).reshape(3, -1),
+        families=(("Maker <A>", 0.9), ("Maker B", 0.1)))
     fit = dataclasses.replace(results.found.calibration.sensitivity,
                               residuals=1 - predicted / measured,
                               held_out_residuals=1 - 1.01 * predicted / measured)
+    material = results.found.surfaces[0]
     material = dataclasses.replace(
-        results.found.surfaces[0], prior=dataclasses.replace(load_prior(), certificates={}),
-        family_shares={"paint": 0.7, "earth": 0.3})
+        material, prior=dataclasses.replace(load_prior(), certificates={}),
+        summary=dataclasses.replace(material.summary, family_shares={"paint": 0.7, "earth": 0.3}))
     return with_found(results, chart=chart, surfaces=(material, *results.found.surfaces[1:]),
                       calibration=dataclasses.replace(results.found.calibration, sensitivity=fit))
 

@@ -45,7 +45,7 @@ CURVES = np.exp(-0.5 * ((PRIOR_GRID.nm - np.array([[600.0], [540.0], [460.0]])) 
 
 def test_glare_as_stated_and_as_the_chart_shows_are_independent():
     shown = np.array([0.0, 0.004, 0.0225])
-    records = records_of(calibrate=SimpleNamespace(chart=SimpleNamespace(glare=shown)))
+    records = records_of(calibrate=SimpleNamespace(glare=shown))
     capture = scene_capture(stray_light=StrayLight(glare=0.003))
     found = inversion.glare_error(capture, records)
     np.testing.assert_allclose(found**2, 0.003**2 + shown**2)
@@ -258,8 +258,8 @@ def test_errors_of_white_and_glare_are_those_of_small_changes_of_all_unknowns():
     root = 0.01 * np.random.default_rng(84).standard_normal((size, 2 * size))
     white = PhotoWhite(
         SimpleNamespace(names=tuple("abcd")),
-        SimpleNamespace(level=np.array([0.6, 0.8, 0.5]), field=field), 1.3,
-        np.full(bands, 0.01), ("shutter", "lamp"), np.zeros(size), root @ root.T)
+        np.array([0.6, 0.8, 0.5]), field, 1.3, np.full(bands, 0.01), ("shutter", "lamp"),
+        np.zeros(size), root @ root.T)
 
     def at(mean, region):
         moved = dataclasses.replace(white, mean=mean)

@@ -18,7 +18,6 @@ import numpy as np
 
 from spectrabox.calibrate.camera_curves import curve_band, curve_draws
 from spectrabox.calibrate.chart_calibration import (
-    CalibrationOptions,
     ChartCalibration,
     calibrate_chart,
 )
@@ -114,7 +113,7 @@ def main() -> None:
     for seed in range(PHOTOS):
         samples = photographed(truth, reflectances, power, seed)
         answers = {method: calibrate_chart([ChartPhoto(samples, reflectances, lamp)], GRID,
-                                           CalibrationOptions(method))
+                                           method)
                    for method in METHODS}
         for method, answer in answers.items():
             found[method].append(judged(answer, truth, samples))

@@ -88,7 +88,7 @@ def advice_on_capture(capture: Capture, records: CaptureRecords,
     surfaces = {name: _surface_of(capture, records, index)
                 for index, name in enumerate(records.signals.names)
                 if not records.signals.known[index]
-                and records.sample.spectra[name].samples.outcome in SEEN}
+                and records.sample.spectra[name].draws.outcome in SEEN}
     considered: dict[str, list[advice_kinds.Advice]] = {name: [] for name in surfaces}
     if isinstance(capture, FlatCapture):
         sample = flat_actions.flat_photos_of(capture, records)
@@ -111,19 +111,17 @@ def advice_on_capture(capture: Capture, records: CaptureRecords,
 def _surface_of(capture: Capture, records: CaptureRecords, index: int) -> forecasting.Unknown:
     signals = alone(records.signals, index)
     name = signals.names[0]
-    spectrum: spectra.SurfaceSpectrum = records.sample.spectra[name]
-    samples, stated = spectrum.samples, capture.surfaces[name]
-    beyond = samples.outcome in (spectra.Outcome.BEYOND_LEARNT, spectra.Outcome.UNSAID)
+    summary, stated = records.sample.spectra[name], capture.surfaces[name]
+    beyond = summary.draws.outcome in (spectra.Outcome.BEYOND_LEARNT, spectra.Outcome.UNSAID)
     prior = mixture.smoothness_prior() if beyond \
         else mixture.of_families(mixture.load_prior(), stated.families)
-    variables = np.zeros(0) if spectrum.states is None else spectrum.states.mean
-    summary = spectrum.summary
+    variables = np.zeros(0) if summary.states is None else summary.states.mean
     return forecasting.Unknown(
-        prior, summary.level, signals, samples.spectra.mean(axis=0), variables,
-        forecasting.outlook_of_answer(samples, summary.lower, summary.upper),
+        prior, summary.level, signals, summary.draws.spectra.mean(axis=0), variables,
+        forecasting.outlook_of_answer(summary.draws, summary.lower, summary.upper),
         forecasting.outlook_of_signals(prior, summary.level, signals), summary.next_measurement_nm,
         stated.surface,
-        0.0 if spectrum.states is None else spectrum.states.shares.get("matt", 0.0))
+        0.0 if summary.states is None else summary.states.shares.get("matt", 0.0))
 
 
 def _of_flat_sample(sample: flat_actions.FlatPhotos,

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from spectrabox.calibrate import chart_calibration, chart_photo
+from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.measure.camera import chart_signals
 from spectrabox.measure.regions.flat_signals import DARK_BAND
 from spectrabox.measure.steps import chart_fit
@@ -58,7 +59,7 @@ def filter_from_photos(bare: photos.LinearImage, through: photos.LinearImage, ch
 
 def filter_from_charts(
         bare: chart_photo.ChartPhoto, through: chart_photo.ChartPhoto, exposure: float | None,
-        options: chart_calibration.CalibrationOptions | None = None) -> tuple[Spectrum, bool]:
+        prior: CameraPrior | None = None) -> tuple[Spectrum, bool]:
     """Transmittance between two photos of a chart under one light, known or not.
 
     Parameters
@@ -68,7 +69,7 @@ def filter_from_charts(
         Through the filter: ``filters.unknown_filter()``, or one whose statement is checked.
     exposure : float or None
         Of the second photo relative to the first; None where it is not stated.
-    options : CalibrationOptions, optional
+    prior : CameraPrior, optional
 
     Returns
     -------
@@ -82,7 +83,8 @@ def filter_from_charts(
     CalibrationError, CheckError, InputError
         As ``calibrate_chart``.
     """
-    fit = chart_calibration.calibrate_chart([bare, through], grid.FINE_GRID, options).prior_fit
+    fit = chart_calibration.calibrate_chart([bare, through], grid.FINE_GRID,
+                                            prior=prior).prior_fit
     assert fit is not None and fit.photos[1].filter is not None
     first, second = fit.photos
     fitted = fit.photos[1].filter

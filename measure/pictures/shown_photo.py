@@ -96,7 +96,7 @@ def calibrated_look(photo: whites.FlatPhoto, known: Mapping[str, np.ndarray],
     assert white is not None, "samples may be none, and are given"
     x_px, y_px = np.unique(nodes_px[:, 0]), np.unique(nodes_px[:, 1])
     log_light = white.log_field[len(samples.names):].reshape(len(y_px), len(x_px))
-    of_chart = white.exposure * white.region_light.level * np.exp(
+    of_chart = white.exposure * white.level * np.exp(
         white.mean[white.level_part] + white.mean[white.exposure_part].sum())
     transform = daylight_transform(photo.calibration)
     return PhotoLook(transform.exponents, _to_rgb(transform), of_chart,

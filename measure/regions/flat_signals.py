@@ -15,7 +15,7 @@ from spectrabox.measure.surfaces import surface_signals, surface_spectra
 from spectrabox.radiometry import error_model, gloss, grid
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.records.photos import RegionEdge, RegionSamples
-from spectrabox.radiometry.records.spectra import SurfaceSignals, SurfaceSpectrum
+from spectrabox.radiometry.records.spectra import SpectrumSummary, SurfaceSignals
 from spectrabox.sampling.prior import mixture_posterior, signal_posterior
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
 
@@ -265,7 +265,7 @@ class RegionSignal:
                                                 surface_signals.measurement(self.signals, 0))
 
     def spectrum(self, families: Sequence[str],
-                 chosen: options.Sampling, seed: int) -> SurfaceSpectrum:
+                 chosen: options.Sampling, seed: int) -> SpectrumSummary:
         """The spectrum as a run draws it, whose seed is that of the run plus the region's index."""
         name = self.signals.names[0]
         return surface_spectra.sample_surfaces(self.signals, chosen, seed, {name: families},

@@ -21,7 +21,7 @@ from spectrabox.measure.steps.photos import outlines_in, registration_of
 from spectrabox.measure.steps.signals import flat_errors, flat_photos
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.records.photos import LinearImage, RegionSamples, Registration
-from spectrabox.radiometry.records.spectra import SurfaceSpectrum
+from spectrabox.radiometry.records.spectra import SpectrumSummary
 from spectrabox.sampling.prior.signal_posterior import SignalPosterior
 
 
@@ -137,7 +137,7 @@ class PointedSample:
         return flat_signals.signal_of_region(self.photos, samples, region.families,
                                 self._known, self.bands, errors)
 
-    def drawn(self, name: str) -> tuple[flat_signals.RegionSignal, SurfaceSpectrum]:
+    def drawn(self, name: str) -> tuple[flat_signals.RegionSignal, SpectrumSummary]:
         """Signal and spectrum of a region of the capture, as a report has them.
 
         Parameters

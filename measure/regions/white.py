@@ -86,7 +86,8 @@ class PhotoWhite:
     """
 
     samples: RegionSamples
-    region_light: light_field.LightAtRegions
+    level: np.ndarray                   # (K,) signal of white by the chart, where ``field`` is 0
+    field: np.ndarray                   # (R,) log of the light, relative to the chart's mean
     exposure: float                     # of this photo relative to the chart's
     glare: np.ndarray                   # (K,) signal in this photo
     causes: tuple[str, ...]
@@ -127,12 +128,8 @@ class PhotoWhite:
         rows = [self.samples.names.index(name) for name in samples.names]
         light = self.field_part.start
         kept = np.r_[:light, [light + row for row in rows], self.field_part.stop:self.mean.size]
-        of_light = kept[kept < self.field_part.stop]
-        light_at = dataclasses.replace(
-            self.region_light, field=self.region_light.field[rows],
-            covariance=self.region_light.covariance[np.ix_(of_light, of_light)])
         return dataclasses.replace(
-            self, samples=samples, region_light=light_at, mean=self.mean[kept],
+            self, samples=samples, field=self.field[rows], mean=self.mean[kept],
             covariance=self.covariance[np.ix_(kept, kept)], level_misfits={}, left_out=())
 
     def clipped(self, region: int) -> np.ndarray:
@@ -145,12 +142,12 @@ class PhotoWhite:
         """Signal (R, K) of a perfect white at each region."""
         log = self.mean[self.level_part] + (self.log_field
                                             + self.mean[self.exposure_part].sum())[:, None]
-        return np.asarray(self.exposure * self.region_light.level * np.exp(log))
+        return np.asarray(self.exposure * self.level * np.exp(log))
 
     @property
     def log_field(self) -> np.ndarray:
         """Logarithm (R,) of the light on each region, relative to the chart's mean."""
-        return np.asarray(self.region_light.field + self.mean[self.field_part])
+        return np.asarray(self.field + self.mean[self.field_part])
 
     @property
     def field_error(self) -> np.ndarray:
@@ -326,18 +323,19 @@ def white_by_chart(photo: FlatPhoto, errors: FlatErrors,
     if nodes_px is not None:
         points += list(nodes_px[:, None])
         samples = _with_nodes(samples, nodes_px)
-    region_light = _light_at(photo, errors, points)
+    level, glare, field, of_light = _light_at(photo, errors, points)
     exposure, causes = (1.0, {}) if photo.chart_in_photo else _exposure(photo, errors)
     causes = causes | {error_model.SAMPLE_PLANE: errors.plane}
     # veiling glare is in proportion to the light of the whole picture
-    glare = region_light.glare if photo.chart_in_photo else region_light.glare * (
-        photo.image.signal.mean(axis=(0, 1)) / photo.chart_image.signal.mean(axis=(0, 1)))
-    size = len(region_light.covariance)
+    if not photo.chart_in_photo:
+        glare = glare * (photo.image.signal.mean(axis=(0, 1))
+                         / photo.chart_image.signal.mean(axis=(0, 1)))
+    size = len(of_light)
     covariance = np.zeros((size + len(causes),) * 2)
-    covariance[:size, :size] = region_light.covariance
+    covariance[:size, :size] = of_light
     covariance[range(size, size + len(causes)), range(size, size + len(causes))] = np.square(
         list(causes.values()))
-    return PhotoWhite(samples, region_light, exposure, glare, tuple(causes),
+    return PhotoWhite(samples, level, field, exposure, glare, tuple(causes),
                       np.zeros(len(covariance)), covariance)
 
 
@@ -448,8 +446,11 @@ def _level_misfit(ratio: np.ndarray, rows: np.ndarray, of_light: np.ndarray,
 
 
 def _light_at(photo: FlatPhoto, errors: FlatErrors,
-              points_px: list[np.ndarray]) -> light_field.LightAtRegions:
-    """The light at places of a photo, each the mean over its points (Q, 2) in pixels."""
+              points_px: list[np.ndarray]
+              ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The light at places of a photo, each the mean over its points (Q, 2) in pixels, as of
+    ``light_at_regions``.
+    """
     centres_px = photo.patches_px.mean(axis=1)
     to_plane = chart.plane_from_picture(centres_px, photo.layout)
     plane = [chart.plane_centres(photo.layout),

@@ -12,7 +12,7 @@ import numpy as np
 
 from spectrabox.measure import captured, conditions, extras, rules, tables, texts, words
 from spectrabox.measure.advice.advice import Advised
-from spectrabox.measure.records import CaptureRecords, PictureRecords
+from spectrabox.measure.records import CaptureRecords, ChartFit, PictureRecords
 from spectrabox.measure.results import calibration_facts, facts, surface_result
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.findings import Finding, Severity
@@ -25,30 +25,15 @@ from spectrabox.sampling.prior.mixture import load_prior, of_families
 SHOWN = 10      # surfaces of a short answer
 
 
-@dataclass(frozen=True)
-class ChartResult:
-    """The chart photo as it was used."""
-
-    detection: photo_records.ChartDetection
-    samples: photo_records.PatchSamples
-    predicted: np.ndarray             # (I, K) signal that the calibration predicts
-    irradiance: np.ndarray            # (I,) relative irradiance of each patch, brightest 1
-    layout: Chart = CLASSIC
-    # each patch by a calibration without it
-    left_out: calibration_records.HeldOutPatches | None = None
-    # None of curves that no prior was used for
-    prior: calibration_records.PriorInfluence | None = None
-    # left out too, of charts with a fit of their own, by view
-    others: Mapping[str, calibration_records.HeldOutPatches] = field(default_factory=dict)
-    copy: calibration_records.ChartCopy | None = None  # None: the chart's reflectances were stated
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CaptureResult(ABC):
     """What was found, what the verdict rests on, and the words of both."""
 
     bands: tuple[str, ...]            # band names, "R", "G", "B" for a colour camera
-    chart: ChartResult | None         # None where sensitivities came from a file
+    chart: ChartFit | None            # None where sensitivities came from a file
+    layout: Chart = CLASSIC           # of every chart
+    # by view, of charts with a fit of their own: each patch by a calibration without it
+    other_charts: Mapping[str, calibration_records.HeldOutPatches] = field(default_factory=dict)
     calibration: calibration_records.Calibration
     # by view, of further photos whose charts are a fit of their own
     other_calibrations: Mapping[str, calibration_records.Calibration] = field(default_factory=dict)
@@ -168,8 +153,8 @@ class CaptureResult(ABC):
                  "advice": self.advice.facts,
                  "failed_extras": [extras.facts(one) for one in self.failed_extras]}
         if chart is not None and chart.left_out is not None:
-            facts["left_out"] = calibration_facts.held_out_facts(chart.left_out, chart.layout.names)
-            facts["chart_generation"] = calibration_facts.copy_facts(chart.copy, chart.layout.names)
+            facts["left_out"] = calibration_facts.held_out_facts(chart.left_out, self.layout.names)
+            facts["chart_generation"] = calibration_facts.copy_facts(chart.copy, self.layout.names)
         if self.picture is not None:
             facts["picture"] = self.picture.facts(self.picture_folder)
         return facts
@@ -254,7 +239,9 @@ def common_findings(capture: captured.Capture, records: CaptureRecords) -> dict[
     photos = [*records.photo.photos.values(),
               *(chart.thumbnail for chart in records.chart.charts.values())]
     return {"bands": capture.band_names(records.photo.bands),
-            "chart": _chart_result(capture, records),
+            "chart": records.calibrate.chart,
+            "layout": CLASSIC if capture.chart is None else capture.layout,
+            "other_charts": records.calibrate.other_charts,
             "calibration": records.calibrations(capture.views)[0],
             "other_calibrations": {name: calibrations[name]
                                    for name in records.calibrate.other_charts},
@@ -293,18 +280,8 @@ def surface_of_records(capture: captured.Capture, records: CaptureRecords, name:
     """
     signals, stated = records.signals, capture.surfaces[name]
     index = signals.names.index(name)
-    spectrum = None if signals.known[index] else records.sample.spectra[name]
+    summary = None if signals.known[index] else records.sample.spectra[name]
     prior = of_families(load_prior(), stated.families) \
         if capture.sampling.method == "prior" else None
-    return surface_result.surface_result(signals, index, spectrum, prior, stated.truth,
+    return surface_result.surface_result(signals, index, summary, prior, stated.truth,
                                          inverse_rendering, light, scatter, edge)
-
-
-def _chart_result(capture: captured.Capture, records: CaptureRecords) -> ChartResult | None:
-    fit = records.calibrate.chart
-    chart = records.chart.charts.get("")
-    if fit is None or chart is None:
-        return None
-    return ChartResult(chart.detection, chart.samples, fit.predicted,
-                       fit.irradiance / np.fmax.reduce(fit.irradiance), capture.layout,
-                       fit.left_out, fit.prior, records.calibrate.other_charts, fit.copy)

@@ -27,8 +27,6 @@ class SurfaceResult(estimate.Estimate):
     ----------
     signals : SurfaceSignals
         Of this surface alone, in the J bands of all photos.
-    gloss : StateEstimate or None
-        What the signal says of its gloss; None without the learnt prior, or where none may be.
     light : (float, float) or None
         Of a region: light on it relative to the chart's mean, and its relative standard error.
     scatter : float or None
@@ -38,7 +36,6 @@ class SurfaceResult(estimate.Estimate):
     """
 
     signals: spectra.SurfaceSignals
-    gloss: spectra.StateEstimate | None = None
     light: tuple[float, float] | None = None
     scatter: float | None = None
     edge: photos.RegionEdge | None = None
@@ -78,6 +75,12 @@ class SurfaceResult(estimate.Estimate):
         return {} if self.known else surface_signals.relative_errors(self.signals, 0)
 
     @property
+    def gloss(self) -> spectra.StateEstimate | None:
+        """What the signal says of its gloss; None without the learnt prior, or where none may be.
+        """
+        return None if self.summary is None else self.summary.states
+
+    @property
     def places(self) -> tuple[InPlace, ...]:
         """Of a region under a lamp that was moved: gloss and level in each of its places."""
         return found_in_places(self.signals, 0, self.gloss)
@@ -113,7 +116,7 @@ class SurfaceResult(estimate.Estimate):
 
 
 def surface_result(signals: spectra.SurfaceSignals, index: int,
-                   spectrum: spectra.SurfaceSpectrum | None,
+                   summary: spectra.SpectrumSummary | None,
                    prior: mixture.LogitMixture | None = None, truth: spectra.Spectrum | None = None,
                    inverse_rendering: np.ndarray | None = None,
                    light: tuple[float, float] | None = None, scatter: float | None = None,
@@ -125,7 +128,7 @@ def surface_result(signals: spectra.SurfaceSignals, index: int,
     signals : SurfaceSignals
     index : int
         Of the surface.
-    spectrum : SurfaceSpectrum or None
+    summary : SpectrumSummary or None
         None where the spectrum was given.
     prior : LogitMixture or None
         That the spectra were drawn from; None for another method than the learnt prior.
@@ -139,17 +142,14 @@ def surface_result(signals: spectra.SurfaceSignals, index: int,
     common: dict[str, Any] = {
         "name": signals.names[index], "signals": surface_signals.alone(signals, index),
         "truth": truth, "light": light, "scatter": scatter, "edge": edge}
-    if spectrum is None:
+    if summary is None:
         return SurfaceResult(**common, summary=None, given=(signals.grid.nm,
                                                             signals.spectra[index]))
-    return SurfaceResult(**common, summary=spectrum.summary,
+    return SurfaceResult(**common, summary=summary,
                          measurement=surface_signals.measurement(signals, index),
                          errors=surface_signals.errors_by_cause(signals, index), prior=prior,
-                         samples=spectrum.samples, inverse_rendering=inverse_rendering,
-                         family_shares=spectrum.family_shares,
-                         variance_shares=spectrum.variance_shares,
-                         from_more=spectrum.samples.outcome is spectra.Outcome.THROUGH_TRANSPORT,
-                         gloss=spectrum.states)
+                         inverse_rendering=inverse_rendering,
+                         from_more=summary.draws.outcome is spectra.Outcome.THROUGH_TRANSPORT)
 
 
 def _shown_bands(surface: SurfaceResult) -> np.ndarray:

@@ -132,7 +132,7 @@ def estimate_from_draws(name: str, base: spectral_records.SpectralMeasurement,
                                                options.seed) \
         if more else None
     return Estimate(
-        name, summary, base, causes, prior, draws, of_signal=said, solved=posterior,
+        name, summary, base, causes, prior, of_signal=said, solved=posterior,
         from_more=bool(more) or twice is not None,
         bounds_from="the signal alone" if over_determined or options.keep else "all measurements",
         contradicting=None if contradicting is None else tuple(contradicting))
@@ -194,11 +194,11 @@ def _estimate_without_draws(capture: SignalCapture,
         estimates.append(Estimate(
             name, spectral_records.SpectrumSummary(
                 PRIOR_GRID, mean, deviation, lower, upper, bound_lower[row], bound_upper[row],
-                options.level, conditional_on, float(summary.next_measurement_nm[row])),
+                options.level, conditional_on, float(summary.next_measurement_nm[row]),
+                variance_shares=dict(zip((METAMERISM, *causes), summary.budget[row].tolist(),
+                                         strict=True)), family_shares=shares),
             replace(first, signal=y[row], noise_covariance=total[row]), own, prior,
-            of_signal=capture.findings, ended=outcome, family_shares=shares,
-            variance_shares=dict(zip((METAMERISM, *causes), summary.budget[row].tolist(),
-                                     strict=True))))
+            of_signal=capture.findings, ended=outcome))
     return estimates
 
 

@@ -47,7 +47,7 @@ def calibrate_flat(capture: captured.FlatCapture, records: CaptureRecords,
     work.progress(0.6, "fitting sensitivities")
     photos = _chart_photos(capture, records, None)
     groups, of_lights = _groups_by_light(capture, charts)
-    fitted = _fitted(capture, groups, charts, photos, _options_of_flat(capture))
+    fitted = _fitted(capture, groups, charts, photos, _chosen_of_flat(capture))
     return dataclasses.replace(fitted, findings=(*of_lights, *fitted.findings))
 
 
@@ -73,10 +73,7 @@ def calibrate_scene(capture: captured.SceneCapture, records: CaptureRecords,
     irradiance = _irradiance(capture, work) if charts else None
     work.progress(0.6, "fitting sensitivities")
     photos = _chart_photos(capture, records, irradiance)
-    chosen = capture.sensitivity
-    fitted = _fitted(capture, _fits_of_scene(capture), charts, photos,
-                     chart_calibration.CalibrationOptions(chosen.method, chosen.prior,
-                                                          curves=chosen.curves))
+    fitted = _fitted(capture, _fits_of_scene(capture), charts, photos, capture.sensitivity)
     if irradiance is None:
         return fitted
     return dataclasses.replace(
@@ -100,7 +97,7 @@ def _chart_photos(capture: captured.Capture, records: CaptureRecords,
 
 def _fitted(capture: captured.Capture, groups: list[list[captured.View]],
             charts: Mapping[str, MeasuredChart], photos: Mapping[str, chart_photo.ChartPhoto],
-            options: chart_calibration.CalibrationOptions) -> CalibrationRecords:
+            chosen: captured.Sensitivity) -> CalibrationRecords:
     """One camera, and the light of every view, of each group of views.
 
     With the method ``prior`` the charts of a group are one fit; other methods fit the camera to the
@@ -113,27 +110,28 @@ def _fitted(capture: captured.Capture, groups: list[list[captured.View]],
         A fit each.
     charts, photos : mappings
         Of charts, by view, as they were measured and as fits take them.
-    options : CalibrationOptions
-        Of every fit.
+    chosen : Sensitivity
+        How every fit is made.
     """
-    several = options.method == "prior" and options.curves is None
+    several = chosen.method == "prior" and chosen.curves is None
     calibrations: dict[str, calibration_records.Calibration] = {}
     whites: dict[str, calibration_records.ChartWhite] = {}
     held_out: dict[str, calibration_records.HeldOutPatches] = {}
     findings: list[Finding] = []
-    chart: ChartFit | None = None
+    chart, glare = None, np.zeros(1)
     for first, *others in groups:
         fitted = [view.name for view in (first, *others) if view.chart and (several
                                                                             or view == first)]
         fit, prior_fit = None, None
         if first.chart:
             fit, held_out[first.name] = chart_fit.fit([photos[name] for name in fitted],
-                                                      FINE_GRID, options)
+                                                      FINE_GRID, chosen)
             camera, prior_fit = fit.calibration, fit.prior_fit
             findings += [dataclasses.replace(one, subject=first.name) for one
                          in fit.of_chart(held_out[first.name], capture.layout.names)]
             if not first.name:
                 chart = _chart_fit(capture, charts[""], photos[""], fit, held_out[""])
+                glare = trust.certain_glare(prior_fit, charts[""].thumbnail)
         else:
             camera = _camera_of_curves(capture, first)
         if prior_fit is not None:
@@ -152,7 +150,7 @@ def _fitted(capture: captured.Capture, groups: list[list[captured.View]],
             calibrations[view.name] = own
     return CalibrationRecords(
         calibrations, whites, chart, {name: patches for name, patches in held_out.items() if name},
-        tuple(findings))
+        tuple(findings), glare)
 
 
 def _camera_of_curves(capture: captured.Capture,
@@ -177,14 +175,16 @@ def _chart_fit(capture: captured.Capture, chart: MeasuredChart, photo: chart_pho
                fit: chart_calibration.ChartCalibration,
                held_out: calibration_records.HeldOutPatches) -> ChartFit:
     """How the calibration explains the first chart photo."""
-    irradiance, patch_error = photo.irradiance_or_pi, None
-    if fit.prior_fit is not None:
-        patch_error = np.array(fit.prior_fit.patch_error)
-        if isinstance(capture, captured.FlatCapture):       # the fit estimates the light over it
-            irradiance = np.full(len(fit.predicted), np.nan)        # not known of excluded patches
-            irradiance[photo.used] = fit.prior_fit.photos[0].field
-    return ChartFit(fit.predicted, irradiance, trust.certain_glare(fit.prior_fit, chart.thumbnail),
-                    patch_error, fit.prior_influence, held_out, fit.copy)
+    irradiance, known = photo.irradiance_or_pi, fit.prior_fit
+    if known is not None and isinstance(capture, captured.FlatCapture):
+        # the fit estimates the light over it
+        irradiance = np.full(len(fit.predicted), np.nan)        # not known of excluded patches
+        irradiance[photo.used] = known.photos[0].field
+    made = ChartFit(chart.detection, chart.samples, fit.predicted,
+                    irradiance / np.fmax.reduce(irradiance), held_out, fit.copy)
+    return made if known is None else dataclasses.replace(
+        made, prior_share=known.prior_share, families=known.families,
+        patch_error=np.array(known.patch_error))
 
 
 def require_spectrum(light: Spectrum | UnknownLight) -> Spectrum:
@@ -264,15 +264,15 @@ def _groups_by_light(capture: captured.FlatCapture, charts: Mapping[str, Measure
     return groups, findings
 
 
-def _options_of_flat(capture: captured.FlatCapture) -> chart_calibration.CalibrationOptions:
-    """Options of every fit. Measured curves of a camera before flat samples are the middle of a
+def _chosen_of_flat(capture: captured.FlatCapture) -> captured.Sensitivity:
+    """How every fit is made. Measured curves of a camera before flat samples are the middle of a
     prior, since only a fit gives the field over the chart.
     """
     chosen = capture.sensitivity
-    prior = chosen.prior
-    if chosen.curves is not None:
-        prior = prior_of_curves(FINE_GRID, chosen.curves, chosen.relative_error)
-    return chart_calibration.CalibrationOptions(chosen.method, prior)
+    if chosen.curves is None:
+        return chosen
+    return dataclasses.replace(chosen, curves=None, prior=prior_of_curves(
+        FINE_GRID, chosen.curves, chosen.relative_error))
 
 
 def _own_scale(photo: chart_photo.ChartPhoto, camera: calibration_records.Calibration,
@@ -290,8 +290,8 @@ def _own_scale(photo: chart_photo.ChartPhoto, camera: calibration_records.Calibr
         return None
     if prior_fit is not None:
         return prior_fit.photos[index].light_scale
-    options = chart_calibration.CalibrationOptions(curves=camera.sensitivity.curves)
-    return chart_calibration.calibrate_chart([photo], FINE_GRID, options).scale
+    return chart_calibration.calibrate_chart([photo], FINE_GRID,
+                                             curves=camera.sensitivity.curves).scale
 
 
 def _irradiance(capture: captured.SceneCapture, work: work.Work) -> np.ndarray | None:

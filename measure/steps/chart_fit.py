@@ -114,7 +114,7 @@ def as_fitted(
 
 def fit(
     photos: Sequence[chart_photo.ChartPhoto], grid: spectra.WavelengthGrid,
-    options: chart_calibration.CalibrationOptions | None
+    chosen: captured.Sensitivity
 ) -> tuple[chart_calibration.ChartCalibration, calibration.HeldOutPatches]:
     """One camera and the lights of its photos, with every patch of the first by a fit without it.
 
@@ -122,15 +122,15 @@ def fit(
     ----------
     photos : sequence of ChartPhoto
     grid : WavelengthGrid
-    options : CalibrationOptions or None
-        None takes the defaults.
+    chosen : Sensitivity
 
     Raises
     ------
     InputError, CheckError, CalibrationError
         As ``calibrate_chart``.
     """
-    fitted = chart_calibration.calibrate_chart(photos, grid, options)
+    fitted = chart_calibration.calibrate_chart(photos, grid, chosen.method, chosen.prior,
+                                               curves=chosen.curves)
     return fitted, held_out_spectra.held_out_patches(fitted, fitted.reflectances)
 
 

@@ -83,8 +83,7 @@ def glare_error(capture: SceneCapture, records: CaptureRecords) -> np.ndarray:
     """Standard error (K,) of veiling glare, of the mean signal of an object photo; (1,) for all
     bands where no chart photo was used.
     """
-    chart = records.calibrate.chart
-    return np.hypot(capture.stray_light.glare, np.zeros(1) if chart is None else chart.glare)
+    return np.hypot(capture.stray_light.glare, records.calibrate.glare)
 
 
 def require_invertible(capture: SceneCapture, records: CaptureRecords, device: str

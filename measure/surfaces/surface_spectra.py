@@ -21,8 +21,8 @@ from spectrabox.sampling.summary import summarise
 def sample_surfaces(signals: spectral_records.SurfaceSignals, chosen: options.Sampling, seed: int,
                     families: Mapping[str, Sequence[str]], progress: spectral_records.Progress,
                     joint_draws: Mapping[str, spectral_records.SpectrumSamples] | None = None
-                    ) -> dict[str, spectral_records.SurfaceSpectrum]:
-    """Draws of every unknown surface, and their summary.
+                    ) -> dict[str, spectral_records.SpectrumSummary]:
+    """Summary of every unknown surface, with its draws.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def sample_surfaces(signals: spectral_records.SurfaceSignals, chosen: options.Sa
 def _sample_surface(signals: spectral_records.SurfaceSignals, index: int, chosen: options.Sampling,
                     seed: int, families: Sequence[str],
                     draws: spectral_records.SpectrumSamples
-                    | None) -> spectral_records.SurfaceSpectrum:
+                    | None) -> spectral_records.SpectrumSummary:
     seen = measurement(signals, index)
     prior = mixture.of_families(mixture.load_prior(), families)
     variance_shares: dict[str, float] = {}
@@ -75,8 +75,8 @@ def _sample_surface(signals: spectral_records.SurfaceSignals, index: int, chosen
         draws = draw_methods.draw_spectra(seen, chosen.method, chosen.draws, seed,
                              chosen.coefficients, prior)
     summary = summarise(draws, seen, chosen.level, conditions_of_band(draws, seen))
-    return spectral_records.SurfaceSpectrum(draws, resample_summary(summary, seen.grid),
-                                            variance_shares, family_shares, states)
+    return dataclasses.replace(resample_summary(summary, seen.grid), states=states,
+                               variance_shares=variance_shares, family_shares=family_shares)
 
 
 def conditions_of_band(draws: spectral_records.SpectrumSamples,

@@ -84,15 +84,6 @@ class ChartWhite(Record):
     covariance: Annotated[np.ndarray, "Z Z"]        # of log level, field, glare: Z = 2 K + E
 
 
-@dataclass(frozen=True, eq=False)
-class PriorInfluence(Record):
-    """How much of a camera's curves is a prior's and not a chart's, and whom they are most like."""
-
-    share: Annotated[np.ndarray, "K P"]             # of the prior's standard deviation, left; 0-1
-    families: tuple[str, ...]                       # F members, likeliest first
-    probabilities: Annotated[np.ndarray, "F"]
-
-
 def share_inside(lower: np.ndarray, upper: np.ndarray, truth: np.ndarray) -> np.ndarray:
     """Share (I,) of wavelengths at which bands (I, P) hold the truth."""
     return np.asarray(((lower <= truth) & (truth <= upper)).mean(axis=1))

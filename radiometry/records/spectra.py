@@ -12,7 +12,7 @@ mixture over states. With one state of no mean it is one more Gaussian error.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Annotated, Any
 
@@ -296,16 +296,16 @@ class SpectrumSummary(Record):
     level: float
     conditional_on: tuple[Finding, ...]
     next_measurement_nm: float  # one more reading here would narrow the band most
-
-
-@dataclass(frozen=True, eq=False)
-class SurfaceSpectrum(Record):
-    """What is known of the spectrum of one surface."""
-
-    samples: SpectrumSamples
-    summary: SpectrumSummary
-    # of the variance of a spectrum, by cause; none of draws of all surfaces at once
-    variance_shares: dict[str, float]
-    family_shares: dict[str, float]     # that the signal allows; none without the learnt prior
-    # what the signal says of its gloss; None where the learnt prior was not asked
+    samples: SpectrumSamples | None = None          # that it was made from, where there were any
+    # of the variance of the spectrum, by cause; none of draws of all surfaces at once
+    variance_shares: dict[str, float] = field(default_factory=dict)
+    # that the signal allows; none without the learnt prior
+    family_shares: dict[str, float] = field(default_factory=dict)
+    # what the signal says of the surface's gloss; None where the learnt prior was not asked
     states: StateEstimate | None = None
+
+    @property
+    def draws(self) -> SpectrumSamples:
+        """``samples``, of a summary that was made from draws."""
+        assert self.samples is not None, "the summary was made from draws"
+        return self.samples

@@ -59,7 +59,7 @@ class LiveSample:
         self._sample_key = ""                           # of its calibration and photos
         self._calibrated_as = ""                        # digest of what these rest on
         self._kept: dict[str, dict[str, Any]] = {}      # answers by what they depend on
-        self._drawn: dict[str, tuple[RegionSignal, spectra.SurfaceSpectrum]] = {}  # likewise
+        self._drawn: dict[str, tuple[RegionSignal, spectra.SpectrumSummary]] = {}  # likewise
         self._tried: set[str] = set()                   # keys that a run was started for
         self._images: tuple[str, dict[str, photos.LinearImage]] = ("", {})
         self._chart: tuple[str, dict[str, Any]] = ("", {})
@@ -198,7 +198,7 @@ class LiveSample:
         return self._kept[depends]
 
     def _drawn_region(self, sample: PointedSample,
-                      name: str) -> tuple[RegionSignal, spectra.SurfaceSpectrum]:
+                      name: str) -> tuple[RegionSignal, spectra.SpectrumSummary]:
         """Signal and spectrum of a region, drawn once for the page and the verdict."""
         depends = depends_on(sample, name)
         with self._drawing:

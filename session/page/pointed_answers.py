@@ -19,7 +19,7 @@ from spectrabox.measure.surfaces.colour_comparison import LIGHTS, compare_colour
 from spectrabox.measure.surfaces.surface_signals import errors_by_cause
 from spectrabox.radiometry import appearance, errors, findings, grid
 from spectrabox.radiometry.records.photos import LinearImage
-from spectrabox.radiometry.records.spectra import Spectrum, SurfaceSpectrum
+from spectrabox.radiometry.records.spectra import Spectrum, SpectrumSummary
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
@@ -49,13 +49,12 @@ def described_charts(capture: captured.FlatCapture, records: ChartRecords) -> di
 
 
 def described_region(sample: PointedSample, signal: RegionSignal,
-                     spectrum: SurfaceSpectrum) -> dict[str, Any]:
+                     summary: SpectrumSummary) -> dict[str, Any]:
     """The spectrum of a region of the session for the page, as its report has it."""
-    summary, draws = spectrum.summary, spectrum.samples
     answer = described_spectrum(summary.grid.nm, summary.mean) | described(
         signal, summary.lower, summary.upper,
-        appearance.reflectance_to_lab(draws.grid.nm, draws.spectra), spectrum.family_shares,
-        spectrum.variance_shares) | {"next_nm": summary.next_measurement_nm}
+        appearance.reflectance_to_lab(summary.draws.grid.nm, summary.draws.spectra),
+        summary.family_shares, summary.variance_shares) | {"next_nm": summary.next_measurement_nm}
     if (truth := sample.capture.regions[signal.signals.names[0]].truth) is not None:
         answer["truth"] = described_truth(truth, summary.grid.nm, summary.mean)
     return answer
@@ -158,7 +157,7 @@ class PhotosAtHand(opened_photos.OpenPhotos):
 
 
 def result_now(sample: PointedSample,
-               drawn: Callable[[str], SurfaceSpectrum]) -> FlatResult:
+               drawn: Callable[[str], SpectrumSummary]) -> FlatResult:
     """What a run would find of the regions that are marked now, but for the picture.
 
     Parameters

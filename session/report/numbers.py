@@ -7,6 +7,7 @@ import numpy as np
 
 from spectrabox.calibrate.chart_findings import root_mean_square
 from spectrabox.measure import conditions, rules, texts
+from spectrabox.measure.records import ChartFit
 from spectrabox.measure.results import (
     calibration_facts,
     capture_result,
@@ -176,11 +177,13 @@ def _calibration(result: capture_result.CaptureResult,
 
 
 def _chart(result: capture_result.CaptureResult,
-           chart: capture_result.ChartResult) -> dict[str, Any]:
+           chart: ChartFit) -> dict[str, Any]:
     swatches = spectra.swatch_pairs(result)
     return {"swatches": _fields(swatches, "measured", "predicted", "delta_e00", "from_others",
                                 "order"),
-            "prior": _fields(chart.prior, "share", "families", "probabilities"),
+            "prior": None if chart.prior_share is None else {
+                "share": chart.prior_share, "families": [members for members, _ in chart.families],
+                "probabilities": np.array([probability for _, probability in chart.families])},
             "measured": chart.samples.mean, "standard_error": chart.samples.standard_error,
             "covariance_of_mean": chart.samples.covariance_of_mean,
             "saturated_fraction": chart.samples.saturated_fraction,
@@ -190,4 +193,4 @@ def _chart(result: capture_result.CaptureResult,
             "how_found": texts.says(chart.detection.how_found),
             "mirrored": chart.detection.mirrored,
             "left_out": None if chart.left_out is None
-            else calibration_facts.held_out_facts(chart.left_out, chart.layout.names)}
+            else calibration_facts.held_out_facts(chart.left_out, result.layout.names)}

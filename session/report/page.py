@@ -208,22 +208,22 @@ def _chart_section(result: capture_result.CaptureResult) -> dict[str, Any]:
     swatches = swatch_pairs(result)
     if chart is None or residuals is None or swatches is None:
         return {"chart": None}
-    fit, prior, left_out = result.calibration.sensitivity, chart.prior, chart.left_out
+    fit, left_out = result.calibration.sensitivity, chart.left_out
     limit = chart_findings.chart_limits(result.stated.chart_stated)[0]
-    of_prior = {"prior_figure": None} if prior is None else {
-        "prior_figure": figures.prior_share_figure("prior-share", prior.share, fit.grid,
+    of_prior = {"prior_figure": None} if chart.prior_share is None else {
+        "prior_figure": figures.prior_share_figure("prior-share", chart.prior_share, fit.grid,
                                                    result.bands),
-        "camera_families": list(zip(prior.families, prior.probabilities.tolist(), strict=True))}
+        "camera_families": chart.families}
     of_left_out = {"left_out": []} if left_out is None else {
         "left_out": _left_out(left_out),
         "left_out_difference": chart_findings.difference_summary(left_out),
         "left_out_sentence": texts.sentence(
-            chart_findings.held_out(left_out, chart.layout.names)[0])}
+            chart_findings.held_out(left_out, result.layout.names)[0])}
     return {"chart": chart, "chart_residuals": residuals, "swatches": swatches, **of_prior,
             "residual_figure": figures.chart_residual_figure(
                 "chart-residuals", residuals, fit.held_out_residuals, result.bands, limit),
             "irradiance_figure": figures.irradiance_figure("irradiance", chart.irradiance,
-                                                           chart.layout.rows),
+                                                           result.layout.rows),
             "chart_rms": chart_findings.root_mean_square(residuals), "chart_limit": limit,
             **of_left_out}
 

@@ -54,10 +54,10 @@ def stored_draws(records: SampleRecords, step_nm: int,
         raise errors.InputError(
             "every spectrum of this session was given; there are no draws to write")
     draws_of = {}
-    for name, spectrum in records.spectra.items():
-        nm = spectrum.samples.grid.nm
+    for name, summary in records.spectra.items():
+        nm = summary.draws.grid.nm
         kept = grid.at_whole_steps(nm, step_nm)
-        draws_of[name] = nm[kept], spectrum.samples.spectra[:draws, kept]
+        draws_of[name] = nm[kept], summary.draws.spectra[:draws, kept]
     return draws_of
 
 

@@ -64,7 +64,7 @@ class FlatSpectra(estimates.MeasuredSpectra):
         """The chart's patches, each by a calibration without it."""
         chart = self.found.chart
         assert chart is not None and chart.left_out is not None
-        return ChartCheck(chart.layout.names, chart.left_out, chart_findings.of_patches(
+        return ChartCheck(self.found.layout.names, chart.left_out, chart_findings.of_patches(
             one for one in self.found.findings if not one.subject))
 
     def colour_profile(self, families: str | Sequence[str] | None = None) -> ColourProfile:

@@ -245,8 +245,8 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, light: ar
     kept: dict[str, Record | records.KeptRecord] = {}
     scale = None
     if camera is not None:
-        calibration, fit, scale = _calibration(camera, spectrum, opened, Repeatability())
-        kept["calibrate"] = records.CalibrationRecords({"": calibration}, {}, fit, {}, ())
+        calibration, glare, scale = _calibration(camera, spectrum, opened, Repeatability())
+        kept["calibrate"] = records.CalibrationRecords({"": calibration}, {}, None, {}, (), glare)
     stated = shoot_arguments.Arguments()
     capture = stated.capture({
         "session": {"name": "", "seed": seed},
@@ -276,28 +276,25 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, light: ar
 
 
 def _calibration(camera: arguments.CameraLike, light: Spectrum, photo: Photo, errors: Repeatability
-                 ) -> tuple[Calibration, records.ChartFit | None, LightScale | None]:
-    """The calibration that a camera brings along, how it explains its chart, and the strength of
-    the light on the scene, as far as either is known.
+                 ) -> tuple[Calibration, np.ndarray, LightScale | None]:
+    """The calibration that a camera brings along, the certain glare of its chart photo, and the
+    strength of the light on the scene, as far as it is known.
     """
     if isinstance(camera, Calibration | CameraEstimate):
         arguments.require_sensitivities(camera)
     if isinstance(camera, Calibration):
-        return replace(camera, light=light), None, camera.light_scale
+        return replace(camera, light=light), np.zeros(1), camera.light_scale
     if not isinstance(camera, CameraEstimate):
         curves = arguments.as_curves(camera)
         return calibration_from_curves(grid.FINE_GRID, curves, light,
-                                       captured.CURVES_ERROR), None, None
+                                       captured.CURVES_ERROR), np.zeros(1), None
     calibration = replace(camera.calibration, light=light)
     if camera.photo is None:        # patches without an exposure
-        return replace(calibration, light_scale=None), None, None
-    scale, made = calibration.light_scale, camera.fit.chart
+        return replace(calibration, light_scale=None), np.zeros(1), None
+    scale = calibration.light_scale
     if scale is not None:
         scale = light_scale.scale_for_photo(scale, camera.photo, photo.image)
         for cause, error in ((error_model.REPEATABILITY, errors.relative_error),
                              (error_model.SCENE_LEVEL, errors.scene_level)):
             scale = error_model.with_common_error(scale, cause, error)
-    fit = records.ChartFit(made.predicted, np.full(len(made.predicted), np.nan),
-                           certain_glare(made.prior_fit, camera.photo), None, made.prior_influence,
-                           camera.fit.held_out)
-    return calibration, fit, scale
+    return calibration, certain_glare(camera.fit.chart.prior_fit, camera.photo), scale
