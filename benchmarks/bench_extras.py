@@ -131,7 +131,7 @@ def drawn_case(seed: int) -> Case:
 def _words(regions: Mapping[str, Region]) -> str:
     """What is stated of regions."""
     return ", ".join(f"{name}{' ' + region.surface if region.surface else ''}"
-                     f"{' known' if region.given is not None else ''}"
+                     f"{' known' if region.known is not None else ''}"
                      f"{' ' + '/'.join(region.families) if region.families else ''}"
                      for name, region in regions.items())
 

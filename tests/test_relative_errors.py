@@ -374,7 +374,7 @@ def test_draws_of_all_surfaces_at_once_that_leave_a_surfaces_signal_are_not_take
     chosen = Sampling(draws=1000)
     found = sample_surfaces(signals, chosen, 0, {}, lambda done, what: None, {"wall": dark})["wall"]
     assert found.samples.outcome is Outcome.UNSAID
-    assert found.summary.lower.max() > 0.05
+    assert found.lower.max() > 0.05
     kept = sample_surfaces(signals_of([0.3, 0.3, 0.3], alike(3, 0.1)), chosen, 0, {},
                            lambda done, what: None, {"wall": light})["wall"]
     assert kept.samples.outcome is Outcome.THROUGH_TRANSPORT
