@@ -79,7 +79,7 @@ def known(result: FlatSpectra) -> dict[str, tuple[float, float]]:
     for number in JUDGED:
         estimate = result.get(f"s{number}")
         if estimate is not None:
-            draws = estimate._lab_of("D65", estimate._colour_draws)
+            draws = estimate._drawn_lab("D65")
             off = ciede2000(estimate.lab("D65").value, draws)
             found[f"s{number}"] = estimate.band_width, float(np.sqrt(np.mean(off**2)))
     return found
