@@ -23,7 +23,7 @@ from tests.session_runs import edit, run, silent
 TIMES, FEW = 20, 6
 
 
-def test_a_photo_of_the_spectra_that_were_found_gives_their_signals_back(finished):
+def test_a_photo_of_the_spectra_that_were_found_gives_their_signals_back(finished, mitsuba):
     made = load_finished(read_session(finished))
     joint = made.records.reconstruct.joint
     settings = settings_of(made.capture)
@@ -59,7 +59,7 @@ def test_a_photo_of_the_spectra_that_were_found_gives_their_signals_back(finishe
     np.testing.assert_allclose(added[0] / added[1], expected[dark] / expected[bright], rtol=0.1)
 
 
-def test_surfaces_of_a_rehearsed_photo_are_uneven_as_the_session_showed(finished):
+def test_surfaces_of_a_rehearsed_photo_are_uneven_as_the_session_showed(finished, mitsuba):
     made = load_finished(read_session(finished))
     views = replayable(views_of(made.capture, made.records), settings_of(made.capture), silent)
     traced = dataclasses.replace(views[0], nuisances=dataclasses.replace(
