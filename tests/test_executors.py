@@ -61,6 +61,20 @@ def test_a_worker_that_dies_once_costs_nothing_but_time(tmp_path):
             0: 0, 1: 1, 2: 4, 3: 9, 4: 16, 5: 25}
 
 
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="signals of Unix")
+def test_a_worker_that_waits_for_a_task_goes_on_when_it_is_asked_to_end():
+    # one that left while it read its next task would leave half a message to the others
+    with open_processes(1) as workers:
+        executor = workers.new_executor(1)
+        worker = executor.submit(os.getpid).result()
+        for _ in range(3):
+            os.kill(worker, signal.SIGTERM)
+            time.sleep(0.05)
+        assert executor.submit(os.getpid).result() == worker
+    with pytest.raises(ProcessLookupError):
+        os.kill(worker, 0)
+
+
 def test_what_a_task_raises_is_raised_here():
     with open_processes(1) as workers, pytest.raises(InputError, match="-2 is negative"):
         results_of(workers, [Square(-2)])

@@ -250,7 +250,14 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 
 def _leave(number: int, frame: FrameType | None) -> None:
-    raise SystemExit(128 + number)
+    """End a process that waits for a task, if nobody is left to give it one.
+
+    While the parent lives, it ends the process itself. A process that left in the middle of its
+    words would have taken half of a message, and another process would read the rest.
+    """
+    parent = multiprocessing.parent_process()
+    if parent is None or not parent.is_alive():
+        raise SystemExit(128 + number)
 
 
 def shares_of_cores(workers: int) -> list[list[int]]:
