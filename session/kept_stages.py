@@ -163,15 +163,20 @@ def kept_run(config: SessionConfig, device: str, progress: StageProgress) -> Fin
     return FinishedRun(capture, stored, dict.fromkeys(stored, "kept"))
 
 
-def load_finished(config: SessionConfig) -> FinishedRun:
+def load_finished(config: SessionConfig, before: FinishedRun | None = None) -> FinishedRun:
     """Stored results of all stages.
+
+    Parameters
+    ----------
+    config : SessionConfig
+    before : FinishedRun, optional
+        Of the same configuration, read earlier. It is returned where nothing was stored since.
 
     Raises
     ------
     InputError
-        If a stage has none, or damaged ones.
+        If a stage has none, or damaged ones; or if an input file cannot be read.
     """
-    capture = config.capture()
     stored = {
         name: record_files.load_stage(config.results_folder, name)
         for name in stage_names(config)
@@ -184,7 +189,9 @@ def load_finished(config: SessionConfig) -> FinishedRun:
             raise InputError(f"the stored results of stage {name!r} {stage.fault}: 'spectrabox "
                              "run' makes them again")
     done = {name: stage for name, stage in stored.items() if stage is not None}
-    return FinishedRun(capture, done, dict.fromkeys(done, "kept"))
+    if before is not None and before.stored == done:
+        return before
+    return FinishedRun(config.capture(), done, dict.fromkeys(done, "kept"))
 
 
 def stage_names(config: SessionConfig) -> list[str]:

@@ -214,6 +214,20 @@ def test_a_session_is_checked_run_and_read(finished):
     assert session.report.stat().st_size > 10_000
 
 
+def test_a_session_that_another_process_ran_again_is_read_again(finished):
+    session = sb.Session(finished)
+    before = session["cube"].draws(50, seed=1)
+    lamp = finished / "spectra" / "light.csv"
+    kept = lamp.rename(lamp.with_suffix(".kept"))
+    np.testing.assert_array_equal(session["cube"].draws(50, seed=1), before)    # no input is read
+    kept.rename(lamp)
+    settings = finished / "session.toml"
+    text = settings.read_text(encoding="utf-8")
+    settings.write_text(text.replace("draws = 1000", "draws = 1100"), encoding="utf-8")
+    sb.Session(finished).run()
+    assert len(session.spectra.records.sample.spectra["cube"].samples.spectra) == 1100
+
+
 def test_an_image_without_pixels_is_refused():
     with pytest.raises(sb.InputError, match=r"shape \(0, 5, 3\)"):
         sb.uplift(np.zeros((0, 5, 3)), camera="Nikon 5100 (NPL)", light="D65")

@@ -124,9 +124,10 @@ def scale_from_prior(view: PhotoView, settings: settings.InversionSettings,
         view.photo, *render_size(width, height, min(width, COARSE_WIDTH))))
     white = view.photo.signal[~view.photo.saturated.any(axis=2)]
     value = float(np.percentile(white, 99))
+    # a guess to begin with: whether photo and scene agree is asked of what follows
     first = inverse_rendering.reconstruct_views((dataclasses.replace(
-        view, light_scale=calibration.LightScale(1.0, None, None, FROM_PRIOR)),), settings,
-                                                progress).views[0]
+        view, light_scale=calibration.LightScale(1.0, None, None, FROM_PRIOR)),),
+        dataclasses.replace(settings, errors_from_scene=False), progress).views[0]
     value /= max(float(np.percentile(first.rendered, 99)), np.finfo(float).tiny)
     spread = np.inf
     for _ in range(SCALE_PASSES):

@@ -53,6 +53,7 @@ class Session(Mapping[str, estimate.Estimate]):
         self.folder = Path(folder)
         self._allow_outside = allow_outside
         self.config = read_session(self.folder, allow_outside)
+        self._finished: kept_stages.FinishedRun | None = None
 
     def check(self) -> None:
         """Read every input; run nothing long.
@@ -91,7 +92,7 @@ class Session(Mapping[str, estimate.Estimate]):
         SpectraboxError
             With the sentences of ``spectrabox run``.
         """
-        self.config = read_session(self.folder, self._allow_outside)
+        self.config, self._finished = read_session(self.folder, self._allow_outside), None
         with locks.only_writer(self.config.folder, "Session.run"), \
                 progress_steps(progress, "session") as step:
             def show(stage: str, share: float, message: str) -> None:
@@ -118,7 +119,7 @@ class Session(Mapping[str, estimate.Estimate]):
         InputError
             If the session has not been run.
         """
-        run = kept_stages.load_finished(self.config)
+        run = self._finished = kept_stages.load_finished(self.config, self._finished)
         pictures = session_results.picture_folder(self.config)
         if isinstance(run.capture, captured.FlatCapture):
             return flat.FlatSpectra(run.capture, run.records, pictures)
