@@ -23,7 +23,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.system.archives import DamagedArchiveError, opened_npz
 from spectrabox.sampling.prior import level
 from spectrabox.sampling.prior.families.family_names import WORDS, unknown_families
-from spectrabox.sampling.prior.family_coverage import BandCertificate, FamilyCertificate
+from spectrabox.sampling.prior.family_coverage import FamilyCertificate
 
 PRIOR_GRID = grid.visible_grid(5)
 SHIPPED = Path(__file__).parent / "models" / "surface_families.npz"
@@ -294,10 +294,8 @@ def _read_prior(path: Path) -> LogitMixture:
             uniform = "uniform_level" in stored and bool(stored["uniform_level"])
             tail = float(stored["tail"]) if "tail" in stored else PREVIOUS_TAIL
             source, families = str(stored["source"]), tuple(stored["families"].tolist())
-            certificates = {
-                name: FamilyCertificate(**row | {kind: BandCertificate(**row[kind])
-                                                 for kind in ("stated", "unstated")})
-                for name, row in json.loads(str(stored["certificates"])).items()}
+            certificates = {name: FamilyCertificate(**row)
+                            for name, row in json.loads(str(stored["certificates"])).items()}
     except FileNotFoundError:
         raise InputError(f"the prior {path} is missing; give another file or make one with "
                          "tools/train_prior.py") from None
