@@ -19,7 +19,6 @@ from spectrabox.radiometry.errors import EnvironmentProblem
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.calibration import SensitivityFit
-from spectrabox.radiometry.records.scenes import SurfaceMisfit
 from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.sampling.prior.family_coverage import FamilyCertificate
 from spectrabox.sampling.prior.mixture import load_prior
@@ -183,7 +182,8 @@ def test_a_surface_beyond_chance_and_stated_errors_is_heard(tmp_path, deviation,
     ratio = np.ones_like(results.found.reconstruction.agreement.ratio)
     results = with_ratio(results, ratio)
     assert results.found.verdict.word == "pass"
-    misfit = SurfaceMisfit("white / panel", deviation)
+    misfit = Finding("scene.misfit", Severity.WARN, "white / panel", {
+        "value": abs(deviation), "level": {}, "scatter": None, "part": None, "p": 0.0})
     made = dataclasses.replace(results.found.reconstruction, misfits=(misfit,))
     verdict = with_found(results, reconstruction=made).found.verdict
     assert verdict.severity is status
