@@ -420,7 +420,7 @@ def test_training_calibrates_on_what_was_left_out():
     certified = prior.certificates["paint"].stated
     held = [np.mean(part.stated.scores[AT_95] <= prior.stated_factors[0, AT_95])
             for part in paints]
-    assert certified.coverage == pytest.approx(min(held), abs=1e-12)
+    assert certified["coverage"] == pytest.approx(min(held), abs=1e-12)
     assert "one (260)" in prior.source and "white: tiles" in prior.source
 
 
