@@ -203,7 +203,7 @@ def fitted(photo: ChartPhoto, prior: CameraPrior) -> dict[str, Any]:
     return {"refused": "disagrees" if fit.disagrees else "",
             "fit": (*veiled(fit), *(one.finding for one in evidence), doubts.unlike_cameras(fit),
                     *([] if drift is None else [doubts.drifting_light(*drift, None)])),
-            "photo": used[0], "state": (state.predicted, state.glare, state.field),
+            "photo": used[0], "state": state,
             "evidence": evidence}
 
 
@@ -212,17 +212,16 @@ def fitted(photo: ChartPhoto, prior: CameraPrior) -> dict[str, Any]:
 def ranking_of_photo(found: dict[str, Any]) -> dict[str, float]:
     """By the photo alone."""
     samples = found["samples"]
-    return chart_causes.ranked(chart_causes.PatchSignals(
+    return chart_causes.ranked(
         np.where(samples.clipped, np.nan, samples.mean), TYPICAL_SIGNALS, samples.standard_error,
-        CLASSIC.centres_uv, quality.MIXING_SD))
+        CLASSIC.centres_uv, quality.MIXING_SD)
 
 
 def ranking_of_fit(found: dict[str, Any]) -> dict[str, float] | None:
     """By the photo and its fit; None where nothing could be fitted."""
     if "state" not in found:
         return None
-    patches = doubts.patch_signals(found["photo"], *found["state"])
-    return None if patches is None else doubts.ranked(patches, found["evidence"])
+    return doubts.ranked(found["photo"], found["state"], found["evidence"])
 
 
 def claimed(findings: Sequence[Finding]) -> list[str]:

@@ -23,7 +23,7 @@ from spectrabox.calibrate.held_out_patches import PatchesWithout, in_chart_order
 from spectrabox.calibrate.light_error import Departure, light_departures
 from spectrabox.calibrate.prior.camera_prior import SMOOTH_SOURCE, CameraPrior
 from spectrabox.calibrate.prior.curve_posterior import relit
-from spectrabox.radiometry import chart_causes, errors, interreflection, light_scale, shaped
+from spectrabox.radiometry import errors, interreflection, light_scale, shaped
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding, Severity, worst
 from spectrabox.radiometry.records import calibration as calibration_records
@@ -55,8 +55,7 @@ class ChartCalibration(shaped.Record):
     light_evidence: tuple[doubts.LightEvidence,
                           ...] = ()  # on each light of which something was stated
     copy: calibration_records.ChartCopy | None = None  # None: the reflectances were stated
-    # of the first photo: what the causes of its faults are told from
-    patches: chart_causes.PatchSignals | None = None
+    equations: ChartEquations | None = None     # of the first photo, as that fit took it
 
     def of_chart(self, patches: calibration_records.HeldOutPatches,
                  names: Sequence[str]) -> list[Finding]:
@@ -70,8 +69,10 @@ class ChartCalibration(shaped.Record):
             Of its patches.
         """
         light = "" if self.calibration.products else self.calibration.light.source
-        findings = doubts.told_apart(chart_findings.at_fault(patches, names, light), self.patches,
-                                     self.light_evidence)
+        findings = chart_findings.at_fault(patches, names, light)
+        if self.equations is not None and self.prior_fit is not None:
+            findings = doubts.told_apart(findings, self.equations, self.prior_fit.photos[0],
+                                         self.light_evidence)
         # what the fit says already is not said twice
         known = worst(one for one in self.calibration.findings
                       if one.code == doubts.UNDECIDED_CAUSE)
@@ -306,14 +307,13 @@ def _with_prior(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Waveleng
                    replace(fit.sensitivity, residuals=residuals, held_out_residuals=held_out),
                    replace(fit.photos[0].light_scale, residuals=residuals), predicted, without,
                    [*of_fit, *joint_estimate.veiled(fit)], of_light, light)
-    signals = [doubts.patch_signals(used[number], state.predicted, state.glare, state.field)
-               for number in (0, doubts.worst_explained(fit, used))
-               for state in [fit.photos[number]]]
-    findings = doubts.told_apart([*made.calibration.findings], signals[1], evidence)
+    worst_photo = doubts.worst_explained(fit, used)
+    findings = doubts.told_apart(made.calibration.findings, used[worst_photo],
+                                 fit.photos[worst_photo], evidence)
     return replace(made, calibration=replace(made.calibration, findings=tuple(findings)),
                    cleaned=joint_estimate.without_suspects(photos, cameras, grid, without),
                    prior_fit=fit, departures=departures, light_evidence=evidence,
-                   copy=chart_copy.copy_of_chart(photos, fit, grid), patches=signals[0])
+                   copy=chart_copy.copy_of_chart(photos, fit, grid), equations=used[0])
 
 
 def evidence_on_lights(photos: Sequence[chart_photo.ChartPhoto], used: list[ChartEquations],

@@ -30,7 +30,7 @@ import numpy as np
 
 from spectrabox.calibrate import chart_photo, colour_drift, sensitivity
 from spectrabox.calibrate.chart_equations import COLOURS, ChartEquations
-from spectrabox.calibrate.prior import camera_prior, learnt_prior
+from spectrabox.calibrate.prior import camera_prior, curve_posterior, learnt_prior
 from spectrabox.calibrate.products import product_fit, product_posterior
 from spectrabox.calibrate.products.lamps import Lamps, all_lamps, likeness, product_prior
 from spectrabox.radiometry import appearance, chart, chart_causes, shaped
@@ -252,7 +252,8 @@ def disagreeing_bands(signal: np.ndarray, held_out: np.ndarray,
 
 # ---- causes that compete -------------------------------------------------------------------------
 
-def told_apart(findings: Sequence[Finding], patches: chart_causes.PatchSignals | None,
+def told_apart(findings: Sequence[Finding], photo: ChartEquations,
+               state: curve_posterior.PhotoState,
                evidence: Sequence[LightEvidence]) -> list[Finding]:
     """Findings of a fit, of which those that name a cause stay where its rivals are excluded.
 
@@ -261,27 +262,40 @@ def told_apart(findings: Sequence[Finding], patches: chart_causes.PatchSignals |
     Parameters
     ----------
     findings : sequence of Finding
-    patches : PatchSignals or None
-        Of the photo that they are about; without them findings stay as they are.
+    photo : ChartEquations
+        That they are about.
+    state : PhotoState
+        Of that photo in the fit.
     evidence : sequence of LightEvidence
         On the lights of photos, as far as something is stated of them.
     """
-    if patches is None or not chart_causes.claims(findings):
-        return list(findings)
-    return chart_causes.settled(findings, ranked(patches, evidence), UNDECIDED_CAUSE)
+    ranking = ranked(photo, state, evidence) if chart_causes.claims(findings) else None
+    return list(findings) if ranking is None else chart_causes.settled(findings, ranking,
+                                                                       UNDECIDED_CAUSE)
 
 
-def ranked(patches: chart_causes.PatchSignals,
-           evidence: Sequence[LightEvidence]) -> dict[str, float]:
-    """How well each cause explains a chart photo, as of ``chart_causes.ranked``.
+def ranked(photo: ChartEquations, state: curve_posterior.PhotoState,
+           evidence: Sequence[LightEvidence]) -> dict[str, float] | None:
+    """How well each cause explains a chart photo by what a fit makes of it, as of
+    ``chart_causes.ranked``.
+
+    None where the causes are no model of it: photos through a filter, in other bands than three, or
+    of a chart under known irradiance say too little or another thing.
 
     Parameters
     ----------
-    patches, evidence
+    photo, state, evidence
         As of ``told_apart``.
     """
+    if photo.filter is not None or photo.signal.shape[1] != COLOURS \
+            or photo.field_terms.shape[1] < 2:
+        return None
     against = max((one.against for one in evidence), default=0.0)
-    return chart_causes.ranked(patches, {chart_causes.LIGHT: max(against, 0.0)})
+    return chart_causes.ranked(
+        np.where(photo.readable, photo.signal, np.nan),
+        (state.predicted - state.glare) / state.field[:, None],
+        np.sqrt(np.einsum("ikk->ik", photo.covariance)), photo.field_terms[:, :2], MIXING_SD,
+        {chart_causes.LIGHT: max(against, 0.0)})
 
 
 def worst_explained(fit: sensitivity.PriorFit, photos: Sequence[ChartEquations]) -> int:
@@ -295,26 +309,3 @@ def worst_explained(fit: sensitivity.PriorFit, photos: Sequence[ChartEquations])
     """
     return int(np.argmax([np.sqrt(np.mean((1 - state.predicted / photo.signal) ** 2))
                           for photo, state in zip(photos, fit.photos, strict=True)]))
-
-
-def patch_signals(photo: ChartEquations, predicted: np.ndarray, glare: np.ndarray,
-                  field: np.ndarray) -> chart_causes.PatchSignals | None:
-    """What the causes of a chart photo are told from, by what a fit makes of it.
-
-    None where the causes are no model of it: photos through a filter, in other bands than three, or
-    of a chart under known irradiance say too little or another thing.
-
-    Parameters
-    ----------
-    photo : ChartEquations
-    predicted : (I, K) array
-        Signals of its patches, with ``glare`` (K,) and ``field`` (I,) in them.
-    glare, field
-        Of the fit.
-    """
-    if photo.filter is not None or photo.signal.shape[1] != COLOURS \
-            or photo.field_terms.shape[1] < 2:
-        return None
-    return chart_causes.PatchSignals(
-        np.where(photo.readable, photo.signal, np.nan), (predicted - glare) / field[:, None],
-        np.sqrt(np.einsum("ikk->ik", photo.covariance)), photo.field_terms[:, :2], MIXING_SD)

@@ -13,7 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from spectrabox.calibrate.geometry.colmap_model import ModelImage
+from spectrabox.calibrate.geometry.colmap_model import Picture
 from spectrabox.calibrate.geometry.lens import Lens
 from spectrabox.calibrate.prior.camera_prior import CameraPrior
 from spectrabox.measure.shoot import options
@@ -177,7 +177,7 @@ class BoxPhoto:
     lens: Lens | None                       # of the camera, where a file says it
     path: Path                              # where its scene would lie: files are seen from there
     beam: InputFile | None                  # of the lamp
-    model: Mapping[str, ModelImage]         # pictures of COLMAP that its camera is known by
+    model: Mapping[str, Picture]            # pictures of COLMAP that its camera is known by
     camera_view: str                        # name of the view whose camera it is
     camera_place: str                       # of the camera's table, as sentences call it
     model_place: str                        # of the COLMAP model's

@@ -482,30 +482,29 @@ def misfits_of(made: Reconstruction, bands: tuple[str, ...], photo: str) -> Iter
 
     cause = misfit.common_cause(made.agreement, made.misfits, bands)
     if cause is not None:
-        largest = max(abs(one.deviation) for one in made.misfits)
+        largest = max(one.values["value"] for one in made.misfits)
         yield replace(cause, severity=_beyond_chance(largest), values={
             **cause.values, "value": largest, **common,
-            "surfaces": of([one.surface for one in made.misfits])})
+            "surfaces": of([one.subject for one in made.misfits])})
         return
     for one in made.misfits[:MAX_NAMED]:
-        yield Finding("scene.misfit", _beyond_chance(one.deviation), one.surface, {
-            "value": abs(one.deviation), "level": dict(one.level), "scatter": one.scatter,
-            "part": one.part, "p": one.p, **common, "surfaces": of([one.surface])})
+        yield replace(one, severity=_beyond_chance(one.values["value"]), values={
+            **one.values, **common, "surfaces": of([one.subject])})
     others = made.misfits[MAX_NAMED:]
     if others:
-        largest = max(abs(one.deviation) for one in others)
+        largest = max(one.values["value"] for one in others)
         yield Finding("scene.more-misfits", _beyond_chance(largest), values={
-            "value": largest, "names": [one.surface for one in others], **common,
-            "surfaces": of([one.surface for one in others])})
+            "value": largest, "names": [one.subject for one in others], **common,
+            "surfaces": of([one.subject for one in others])})
 
 
 def _beyond_chance(deviation: float) -> Severity:
-    return Severity.WARN if abs(deviation) <= WORST_LIMITS[1] else Severity.FAIL
+    return Severity.WARN if deviation <= WORST_LIMITS[1] else Severity.FAIL
 
 
 def patterned(photos: list[Reconstruction]) -> Iterator[Finding]:
     """The same of a scene with a picture."""
-    names = [*dict.fromkeys(one.surface for made in photos for one in made.misfits)]
+    names = [*dict.fromkeys(one.subject for made in photos for one in made.misfits)]
     if not names:
         yield Finding("scene.fits", Severity.INFO, values={
             "value": 0.0, "photo": "", "chance": misfit.FALSE_ALARM, "fails": WORST_LIMITS[1]})
@@ -513,7 +512,7 @@ def patterned(photos: list[Reconstruction]) -> Iterator[Finding]:
     materials = {name: material for made in photos for name, material
                  in zip(made.agreement.names, made.agreement.materials, strict=True)}
     yield Finding("scene.patterns", Severity.WARN, values={
-        "value": max(abs(one.deviation) for made in photos for one in made.misfits),
+        "value": max(one.values["value"] for made in photos for one in made.misfits),
         "chance": misfit.FALSE_ALARM, "names": names,
         "surfaces": [*dict.fromkeys(materials[name] for name in names if name in materials)]})
 
@@ -582,7 +581,7 @@ def clipped_scene(share: float) -> Finding:
 def surfaces_off(found: scene_result.SceneResult) -> Iterator[Finding]:
     """Surfaces of the first photo that are off, though not beyond chance and stated errors."""
     views = (found.reconstruction, *(made for _, made in found.views.values()))
-    named = {one.surface for made in views for one in made.misfits}
+    named = {one.subject for made in views for one in made.misfits}
     agreement = found.reconstruction.agreement
     for name, ratio in zip(agreement.names, agreement.ratio, strict=True):
         band = int(np.argmax(np.abs(ratio - 1)))

@@ -16,14 +16,11 @@ it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
 from scipy.special import logsumexp
 
 from spectrabox.radiometry.findings import Finding, Severity, worst
-from spectrabox.radiometry.shaped import Record
 
 VEIL, REFLECTION, UNEVEN, TWO_LIGHTS = "veil", "reflection", "uneven-light", "two-lights"
 TONE, COMPUTED, BLACK, SHADING = "tone-curve", "computed-colours", "black-level", "colour-shading"
@@ -60,33 +57,31 @@ PENUMBRA = 0.25         # of the distance of two patches
 STEPS, SMALL = 8, 1e-4  # of Gauss and Newton; of a derivative
 
 
-@dataclass(frozen=True, eq=False)
-class PatchSignals(Record):
-    """What the causes are told from: I patches in K bands."""
-
-    signal: Annotated[np.ndarray, "I K"]
-    # of an ordinary photo, of any scale in each band; all patches under one light
-    expected: Annotated[np.ndarray, "I K"]
-    error: Annotated[np.ndarray, "I K"]             # of the mean signal, by the pixels' noise
-    positions: Annotated[np.ndarray, "I 2"]         # on the chart, any unit
-    mixing_sd: float                                # of a band's share of another, by the camera
-
-
 Change = Callable[[np.ndarray, np.ndarray], np.ndarray]   # (signals, parameters) -> signals
 
 
-def ranked(patches: PatchSignals, known: Mapping[str, float] | None = None) -> dict[str, float]:
+def ranked(signal: np.ndarray, expected: np.ndarray, error: np.ndarray, positions: np.ndarray,
+           mixing_sd: float, known: Mapping[str, float] | None = None) -> dict[str, float]:
     """How well each cause explains the signals of a chart: its log evidence in nats above that of
     an ordinary photo, the likeliest first.
 
     Parameters
     ----------
-    patches : PatchSignals
+    signal : (I, K) array
+        Of the patches.
+    expected : (I, K) array
+        Of an ordinary photo, of any scale in each band; all patches under one light.
+    error : (I, K) array
+        Of the mean signal, by the pixels' noise.
+    positions : (I, 2) array
+        On the chart, any unit.
+    mixing_sd : float
+        Of a band's share of another, by the camera.
     known : mapping, optional
         Further nats for a cause by evidence of another kind.
     """
-    usable = np.isfinite(patches.signal).all(axis=1) & (patches.expected > 0).all(axis=1)
-    chart = _Chart(patches, usable)
+    usable = np.isfinite(signal).all(axis=1) & (expected > 0).all(axis=1)
+    chart = _Chart(signal[usable], expected[usable], error[usable], positions[usable], mixing_sd)
     ordinary = chart.evidence(_unchanged, np.zeros(0))
     evidence = {cause: float(logsumexp(forms)) - ordinary
                 for cause, forms in _evidence(chart).items()}
@@ -261,19 +256,21 @@ def _soiled(chart: _Chart) -> list[float]:
 # ---- evidence ------------------------------------------------------------------------------------
 
 class _Chart:
-    """Signals with white at 1, what is expected of them, and the evidence of a model of both."""
+    """Signals with white at 1, what is expected of them, and the evidence of a model of both.
 
-    def __init__(self, patches: PatchSignals, usable: np.ndarray) -> None:
-        signal, expected = patches.signal[usable], patches.expected[usable]
+    Parameters are those of ``ranked``, of the patches that can be read.
+    """
+
+    def __init__(self, signal: np.ndarray, expected: np.ndarray, error: np.ndarray,
+                 positions: np.ndarray, mixing_sd: float) -> None:
         lightest = int(expected.sum(axis=1).argmax())
         self.white = np.maximum(signal[lightest], 1e-3 * signal.max())
         self.signal = signal / self.white
         self.expected = expected / expected[lightest]
-        self.noise = (patches.error[usable] / self.white) ** 2
-        self.mixing_sd = patches.mixing_sd
+        self.noise = (error / self.white) ** 2
+        self.mixing_sd = mixing_sd
         self.shape, self.bands = signal.shape, signal.shape[1]
-        self.plane = (patches.positions[usable] - patches.positions[usable].mean(axis=0)) \
-            / patches.positions[usable].std(axis=0).max()
+        self.plane = (positions - positions.mean(axis=0)) / positions.std(axis=0).max()
         apart = np.linalg.norm(self.plane[:, None] - self.plane, axis=2)
         self.pitch = float(np.median(np.sort(apart, axis=1)[:, 1]))
         x, y = (self.plane / self.plane.std(axis=0)).T

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.radiometry.findings import Finding, Severity
-from spectrabox.radiometry.records.scenes import SurfaceAgreement, SurfaceMisfit
+from spectrabox.radiometry.records.scenes import SurfaceAgreement
 
 FALSE_ALARM = 0.01      # chance that a scene which fits is accused of anything
 SHAPE_ERROR = 0.02      # relative error of a block besides its noise: pose, light profile, lens
@@ -118,14 +118,23 @@ def holm(p: np.ndarray) -> np.ndarray:
 
 
 def surface_misfits(tests: Sequence[SurfaceTest],
-                    bands: Sequence[str]) -> tuple[SurfaceMisfit, ...]:
-    """The surfaces that do not fit, worst first, each with its largest deviation.
+                    bands: Sequence[str]) -> tuple[Finding, ...]:
+    """The surfaces on which photo and rendering differ beyond chance and beyond what was stated,
+    worst first.
 
     Parameters
     ----------
     tests : sequence of SurfaceTest
         All of the scene.
     bands : K names
+
+    Returns
+    -------
+    tuple of Finding
+        About each surface: ``value``, the size of its largest deviation; ``level``, photo /
+        rendering - 1 of the surface by band; ``scatter`` of its parts among themselves, None where
+        it is by chance; ``part``, photo / rendering - 1 of the part that deviates most, None where
+        something else does more; and ``p`` after Holm's correction.
     """
     wrong = [test for test in tests if not test.fits]
     worst_part: dict[str, float] = {}
@@ -145,13 +154,14 @@ def surface_misfits(tests: Sequence[SurfaceTest],
         scatter = max((test.deviation for test in own if test.kind == "shape"), default=None)
         part = worst_part[surface]
         largest = max((*(test.deviation for test in own), part), key=abs)
-        misfits.append(SurfaceMisfit(surface, largest, level, scatter,
-                                     part if largest == part else None,
-                                     min(test.adjusted for test in own)))
+        misfits.append(Finding("scene.misfit", Severity.WARN, surface, {
+            "value": abs(largest), "level": level, "scatter": scatter,
+            "part": part if largest == part else None,
+            "p": min(test.adjusted for test in own)}))
     return tuple(misfits)
 
 
-def common_cause(agreement: SurfaceAgreement, misfits: Sequence[SurfaceMisfit],
+def common_cause(agreement: SurfaceAgreement, misfits: Sequence[Finding],
                  bands: Sequence[str]) -> Finding | None:
     """What the deviations of many surfaces have in common; None of fewer than three misfits, or
     where less than half of the surfaces do not fit.
@@ -160,7 +170,7 @@ def common_cause(agreement: SurfaceAgreement, misfits: Sequence[SurfaceMisfit],
     ----------
     agreement : SurfaceAgreement
         Of the same photo.
-    misfits : sequence of SurfaceMisfit
+    misfits : sequence of Finding
     bands : sequence of K str
     """
     log = np.log(agreement.ratio[(agreement.ratio > 0).all(axis=1)])

@@ -8,7 +8,7 @@ a rendering is the mean of each region, without noise.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,22 +22,6 @@ from spectrabox.reconstruct.settings import InversionSettings
 from spectrabox.reconstruct.view import PhotoView
 
 FLAT = 1e-9     # of the largest singular value: a term of the field that a surface does not have
-
-
-@dataclass(frozen=True, eq=False)
-class Truth:
-    """What a replayed photo is made of.
-
-    ``reflectances`` (P,) by material; ``response`` (L, K, P) of each view: sensitivity x light x
-    integration weight, light after light where they were traced separately, light scale included;
-    of each view ``glare`` (K,) as a share of the mean signal of the picture, and ``ambient`` light
-    from everywhere as a share of the brightest irradiance.
-    """
-
-    reflectances: Mapping[str, np.ndarray]
-    responses: tuple[np.ndarray, ...]
-    glare: tuple[np.ndarray, ...]
-    ambient: tuple[float, ...]
 
 
 def replayable(views: Sequence[PhotoView], settings: InversionSettings,
@@ -64,7 +48,9 @@ def replayable(views: Sequence[PhotoView], settings: InversionSettings,
                  for view, given in zip(shown, traced, strict=True))
 
 
-def replay(views: Sequence[TracedView], settings: InversionSettings, truth: Truth,
+def replay(views: Sequence[TracedView], settings: InversionSettings,
+           reflectances: Mapping[str, np.ndarray], responses: Sequence[np.ndarray],
+           glare: Sequence[np.ndarray], ambient: Sequence[float],
            rng: np.random.Generator) -> JointReconstruction:
     """The reconstruction from photos of the truth, as noisy as the session's own.
 
@@ -74,17 +60,25 @@ def replay(views: Sequence[TracedView], settings: InversionSettings, truth: Trut
         As of ``replayable``.
     settings : InversionSettings
         By which these were traced.
-    truth : Truth
+    reflectances : mapping of (P,) arrays
+        Of every material, as all that follows the truth.
+    responses : V of (L, K, P) arrays
+        Sensitivity x light x integration weight, light after light where they were traced
+        separately, light scale included.
+    glare : V of (K,) arrays
+        As a share of the mean signal of the picture.
+    ambient : V of float
+        Light from everywhere, as a share of the brightest irradiance.
     rng : numpy.random.Generator
         Of the noise and the errors of surfaces.
     """
     given, rendered = [], {}
-    for number, traced in enumerate(views):
+    for traced, response, veil, around in zip(views, responses, glare, ambient, strict=True):
         # The trace is off by its noise from what is photographed; renderings, whose own noise is
         # estimated from the scene's scatter, are not.
         deviations = traced.traced.deviations
         error = np.einsum("are,ar->re", deviations, rng.standard_normal(deviations.shape[:2]))
-        view = _photographed(traced, truth, number, error, rng)
+        view = _photographed(traced, reflectances, response, veil, around, error, rng)
         rendered[id(traced.traced)] = traced.traced.coefficients + error
         # what the first photo showed of errors is the truth's: this photo shows its own
         given.append(
@@ -96,17 +90,19 @@ def replay(views: Sequence[TracedView], settings: InversionSettings, truth: Trut
                                                settings)
 
 
-def _photographed(traced: TracedView, truth: Truth, number: int, error: np.ndarray,
+def _photographed(traced: TracedView, reflectances: Mapping[str, np.ndarray],
+                  response: np.ndarray, glare: np.ndarray, ambient: float, error: np.ndarray,
                   rng: np.random.Generator) -> PhotoView:
-    """The view with a photo of the truth in place of its own."""
+    """The view with a photo of the truth in place of its own; its transport is off by an error."""
     view = traced.view
-    spectra = np.array([truth.reflectances[each.name] for each in view.scene_materials])
+    spectra = np.array([reflectances[each.name] for each in view.scene_materials])
     transport = traced.traced
-    per_light = products(transport.exponents, spectra) @ truth.responses[number].transpose(0, 2, 1)
+    per_light = products(transport.exponents, spectra) @ response.transpose(0, 2, 1)
     coefficients = transport.coefficients + error
     signal = coefficients @ per_light.reshape(-1, per_light.shape[2])
     signal = signal * _gains(traced, rng) * _patterns(traced, rng)
-    signal = signal + _stray_light(traced, truth, number, signal)
+    signal = signal + _stray_light(traced, reflectances, response.sum(axis=0), glare, ambient,
+                                   signal)
     even = replace(traced, nuisances=replace(traced.nuisances, block_error=0.0))
     noise = np.sqrt(even.photo_variance * np.maximum(signal / traced.measured, 0))
     signal = signal + noise * rng.standard_normal(signal.shape)
@@ -117,16 +113,17 @@ def _photographed(traced: TracedView, truth: Truth, number: int, error: np.ndarr
                                    variance=(view.photo.variance * ratio).astype(np.float32)))
 
 
-def _stray_light(traced: TracedView, truth: Truth, number: int, signal: np.ndarray) -> np.ndarray:
+def _stray_light(traced: TracedView, reflectances: Mapping[str, np.ndarray],
+                 response: np.ndarray, glare: np.ndarray, ambient: float,
+                 signal: np.ndarray) -> np.ndarray:
     """Signal (R, K) by glare of the lens and by light that does not come from the scene's lamps."""
     names = traced.view.surface_materials
-    response = truth.responses[number].sum(axis=0)
-    reflected = np.array([response @ truth.reflectances[name] for name in names])[traced.group]
+    reflected = np.array([response @ reflectances[name] for name in names])[traced.group]
     irradiance = (signal / reflected).mean(axis=1)
     shown = traced.region[traced.region >= 0]
     brightest = np.percentile(irradiance[shown], agreement.BRIGHTEST_PERCENTILE)
     mean = _picture(signal, traced.region, traced.view.measured).mean(axis=(0, 1))
-    return np.asarray(truth.glare[number] * mean + truth.ambient[number] * brightest * reflected)
+    return np.asarray(glare * mean + ambient * brightest * reflected)
 
 
 def _gains(traced: TracedView, rng: np.random.Generator) -> np.ndarray:

@@ -40,9 +40,9 @@ def noisy(signal, seed=1):
 
 
 def ranked(signal, expected=None, mixing_sd=0.05):
-    return chart_causes.ranked(chart_causes.PatchSignals(
+    return chart_causes.ranked(
         signal, seen() if expected is None else expected, np.full(signal.shape, 1e-4),
-        CLASSIC.centres_uv, mixing_sd))
+        CLASSIC.centres_uv, mixing_sd)
 
 
 def only(*patches):
@@ -83,11 +83,10 @@ def test_a_fault_that_leaves_a_mark_of_its_own_is_named_and_its_rivals_are_exclu
 
 
 def test_evidence_of_another_kind_on_the_light_counts():
-    patches = chart_causes.PatchSignals(noisy(seen()), seen(), np.full((24, 3), 1e-4),
-                                        CLASSIC.centres_uv, 0.05)
+    patches = noisy(seen()), seen(), np.full((24, 3), 1e-4), CLASSIC.centres_uv, 0.05
     assert chart_causes.likely_causes(chart_causes.ranked(
-        patches, {chart_causes.LIGHT: 20.0})) == (chart_causes.LIGHT,)
-    assert chart_causes.CHANCE in chart_causes.likely_causes(chart_causes.ranked(patches))
+        *patches, {chart_causes.LIGHT: 20.0})) == (chart_causes.LIGHT,)
+    assert chart_causes.CHANCE in chart_causes.likely_causes(chart_causes.ranked(*patches))
 
 
 def test_a_level_alike_in_all_bands_of_a_balanced_photo_is_a_veil_or_a_black_level():
@@ -162,8 +161,8 @@ def test_a_fit_names_a_veil_and_no_veil_where_a_tone_curve_is(fault, code, cause
 
 @pytest.mark.parametrize("size", [1e-3, 1.0, 30.0])
 def test_a_freedom_that_changes_nothing_is_no_evidence_for_or_against_a_cause(size):
-    chart = chart_causes._Chart(chart_causes.PatchSignals(
-        noisy(seen()), seen(), np.full((24, 3), 1e-4), CLASSIC.centres_uv, 0.05), np.ones(24, bool))
+    chart = chart_causes._Chart(noisy(seen()), seen(), np.full((24, 3), 1e-4), CLASSIC.centres_uv,
+                                0.05)
     nothing = chart.evidence(lambda signal, _: signal, np.zeros(0))
     free = chart.evidence(lambda signal, _: signal, np.array([size, 2 * size]))
     assert free == pytest.approx(nothing, abs=1e-6)

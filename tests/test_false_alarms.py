@@ -20,7 +20,7 @@ from spectrabox.capture.meter.measurement_series import (
 )
 from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.sampling.further import more_measurements
-from spectrabox.sampling.further.more_measurements import MoreMeasurement, Reading, doubtful
+from spectrabox.sampling.further.more_measurements import Reading, doubtful
 from spectrabox.sampling.prior.mixture import (
     PRIOR_GRID,
     drawn_reflectances,
@@ -92,7 +92,7 @@ def test_a_reading_is_doubted_as_often_as_stated(monkeypatch, nm, level):
         values = np.interp(nm, PRIOR_GRID.nm, truth) + errors * rng.standard_normal(len(nm))
         readings = tuple(Reading.at_wavelength(*each) for each in zip(nm, values, errors,
                                                                       strict=True))
-        doubts.append(bool(doubtful(base, [MoreMeasurement("the spot", readings)], None, 1)))
+        doubts.append(bool(doubtful(base, [("the spot", readings)], None, 1)))
     assert_share(doubts, level)
 
 
@@ -112,7 +112,7 @@ def test_a_reading_of_a_surface_of_the_shipped_prior_is_doubted_about_as_often(m
         values = np.interp(nm, PRIOR_GRID.nm, truth) + error * rng.standard_normal(3)
         readings = tuple(Reading.at_wavelength(at, value, error)
                          for at, value in zip(nm, values, strict=True))
-        doubts.append(bool(doubtful(base, [MoreMeasurement("the spot", readings)], known, seed)))
+        doubts.append(bool(doubtful(base, [("the spot", readings)], known, seed)))
     # half of the variance would doubt 51 %, twice of it 3 %
     assert_share(doubts, 0.17)
 

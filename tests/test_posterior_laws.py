@@ -338,11 +338,10 @@ def test_a_certificate_says_what_the_calibrated_bands_do():
             known, band_factors=known.stated_factors))):
         mixture = posterior(of_kind, response, signal, np.zeros((3, 3)))
         _, [(lower, upper)] = calibrated_bands(of_kind, mixture, (0.95,))
-        figures = band_figures(known, part, kind)
+        held, width = band_figures(known, part, kind)
         # bands are cut at 0 and 1, which no truth is beyond
-        assert figures.coverage == pytest.approx(np.mean((truth >= lower) & (truth <= upper)),
-                                                 abs=1e-12)
-        assert figures.width == pytest.approx(np.mean(upper - lower), rel=1e-3)
+        assert held == pytest.approx(np.mean((truth >= lower) & (truth <= upper)), abs=1e-12)
+        assert width == pytest.approx(np.mean(upper - lower), rel=1e-3)
 
 
 def test_moments_of_mixed_posteriors_are_those_of_their_draws():

@@ -25,7 +25,7 @@ from spectrabox.reconstruct.inverse_rendering import joint_record
 from spectrabox.reconstruct.misfit import surface_tests
 from spectrabox.reconstruct.pixel_light import LightNodes
 from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
-from spectrabox.reconstruct.replay import Truth, _gains, _photographed
+from spectrabox.reconstruct.replay import _gains, _photographed
 from spectrabox.reconstruct.scene.light_position import _solve, whitening
 from spectrabox.reconstruct.scene.scene_file import read_profile, relative_radiance
 from spectrabox.reconstruct.scene.surfaces import hits_of, region_means
@@ -318,9 +318,9 @@ def test_a_replayed_photo_says_the_noise_of_counted_light():
                            surface_materials=("paint",))
     traced = TracedView(view, TracedTransport(np.array([[1]]), light[None, :, None, None], 1, 0.0),
                         region, np.zeros(3, int), Nuisances(scale=1.0))
-    truth = Truth({"paint": np.ones(1)}, (np.ones((1, 1, 1)),), (np.zeros(1),), (0.0,))
     nothing, rng = np.zeros((3, 1)), np.random.default_rng(13)
-    taken = [_photographed(traced, truth, 0, nothing, rng) for _ in range(600)]
+    taken = [_photographed(traced, {"paint": np.ones(1)}, np.ones((1, 1, 1)), np.zeros(1), 0.0,
+                           nothing, rng) for _ in range(600)]
     means = np.array([region_means(one.signal.astype(float), region)[:, 0] for one in taken])
     expected = noise * light / middle
     # 600 photos know a variance to 6 %

@@ -6,7 +6,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from spectrabox.radiometry.records.scenes import SurfaceAgreement, SurfaceMisfit
+from spectrabox.radiometry.findings import Finding, Severity
+from spectrabox.radiometry.records.scenes import SurfaceAgreement
 from spectrabox.reconstruct.agreement import scene_errors
 from spectrabox.reconstruct.misfit import (
     FALSE_ALARM,
@@ -42,8 +43,8 @@ def test_the_surface_and_band_that_do_not_fit_are_named():
     # The mean of 576 pixels of 3 % noise: 0.13 %.
     assert wrong[0].deviation == pytest.approx(0.1, abs=0.006) and wrong[0].adjusted < FALSE_ALARM
     misfit, = surface_misfits(wrong, ("R", "G", "B"))
-    assert misfit.level == {"G": wrong[0].deviation} and misfit.scatter is None
-    assert misfit.surface == "red / wall" and misfit.deviation == pytest.approx(0.1, abs=0.02)
+    assert misfit.values["level"] == {"G": wrong[0].deviation} and misfit.values["scatter"] is None
+    assert misfit.subject == "red / wall" and misfit.values["value"] == pytest.approx(0.1, abs=0.02)
 
 
 def test_a_gradient_that_keeps_the_mean_is_found_by_the_shape():
@@ -54,7 +55,7 @@ def test_a_gradient_that_keeps_the_mean_is_found_by_the_shape():
     wrong = [test for test in judged(measured) if not test.fits]
     assert {(test.surface, test.kind) for test in wrong} >= {("grey / lid", "shape")}
     assert {test.surface for test in wrong} == {"grey / lid"}
-    assert surface_misfits(wrong, ("R", "G", "B"))[0].scatter > 0.05
+    assert surface_misfits(wrong, ("R", "G", "B"))[0].values["scatter"] > 0.05
 
 
 @pytest.mark.parametrize("factors, cause", [
@@ -64,7 +65,7 @@ def test_a_gradient_that_keeps_the_mean_is_found_by_the_shape():
 def test_what_many_misfits_have_in_common_is_said(factors, cause):
     ratio = factors * np.random.default_rng(4).normal(1, 0.01, (4, 3))
     agreement = SurfaceAgreement(NAMES, NAMES, np.full(4, 100), ratio, np.zeros((4, 3)))
-    misfits = [SurfaceMisfit(name, 0.2) for name in NAMES[:3]]
+    misfits = [Finding("scene.misfit", Severity.WARN, name, {"value": 0.2}) for name in NAMES[:3]]
     found = common_cause(agreement, misfits, ("R", "G", "B"))
     assert found.code == cause and (found.values["count"], found.values["compared"]) == (3, 4)
     assert common_cause(agreement, misfits[:2], ("R", "G", "B")) is None
@@ -75,8 +76,8 @@ def test_the_worst_surface_is_named_first():
     gains = np.ones((4, 3))
     gains[0], gains[3] = 0.93, 1.5
     misfits = surface_misfits(judged(photo(rng, gains=gains)), ("R", "G", "B"))
-    assert [misfit.surface for misfit in misfits] == ["grey / lid", "white / floor"]
-    assert misfits[1].level["R"] < 0
+    assert [misfit.subject for misfit in misfits] == ["grey / lid", "white / floor"]
+    assert misfits[1].values["level"]["R"] < 0
 
 
 def test_an_error_that_was_stated_is_no_misfit():
@@ -130,8 +131,8 @@ def test_a_part_that_is_off_counts_where_the_mean_agrees():
     measured[SURFACE == 3] *= 1 + highlight[np.nonzero(SURFACE == 3)[1]][:, None]
     misfit, = surface_misfits(judged(measured), ("R", "G", "B"))
     # the block that is darkest by 28 %, less three times 1 % of noise over four
-    assert misfit.deviation == pytest.approx(-0.28, abs=0.03)
-    assert misfit.part == misfit.deviation
+    assert misfit.values["part"] == pytest.approx(-0.28, abs=0.03)
+    assert misfit.values["value"] == -misfit.values["part"]
 
 
 def test_a_rendered_glossy_panel_that_the_scene_calls_matt_fails(tmp_path):
@@ -139,7 +140,7 @@ def test_a_rendered_glossy_panel_that_the_scene_calls_matt_fails(tmp_path):
 
     from spectrabox.fixtures.cornell_box import cornell_box_xml
     from spectrabox.measure import rules
-    from spectrabox.radiometry.findings import Severity, worst
+    from spectrabox.radiometry.findings import worst
     from spectrabox.reconstruct.inverse_rendering import reconstruct
     from spectrabox.reconstruct.rendering.renderer import load_scene, start_mitsuba
 
@@ -161,5 +162,5 @@ def test_a_rendered_glossy_panel_that_the_scene_calls_matt_fails(tmp_path):
     largest = fit.misfits[0]
     # Fresnel reflection of 4 % at the normal on a red of 8 to 58 %, several times as much at the
     # angles at which the box shows it.
-    assert largest.surface == "red / red_wall" and largest.deviation > 0.15
+    assert largest.subject == "red / red_wall" and largest.values["value"] > 0.15
     assert worst(rules.misfits_of(fit, ("R", "G", "B"), "")) is Severity.FAIL

@@ -11,7 +11,7 @@ from spectrabox.measure.scene.rehearsal import Rehearsed
 from spectrabox.measure.steps.inversion import settings_of, views_of
 from spectrabox.radiometry.errors import InputError
 from spectrabox.reconstruct.agreement import within_to_block
-from spectrabox.reconstruct.replay import Truth, _patterns, _photographed, replay, replayable
+from spectrabox.reconstruct.replay import _patterns, _photographed, replay, replayable
 from spectrabox.session.cli import app
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.kept_stages import load_finished
@@ -29,10 +29,10 @@ def test_a_photo_of_the_spectra_that_were_found_gives_their_signals_back(finishe
     settings = settings_of(made.capture)
     views = replayable(views_of(made.capture, made.records), settings, silent)
     view = views[0].view
-    truth = Truth(dict(zip(joint.materials, joint.spectra, strict=True)),
-                  (view.response[None] * joint.views[0].light_scale.value,),
-                  (np.zeros(3),), (0.0,))
-    again = replay(views, settings, truth, np.random.default_rng(5))
+    spectra = dict(zip(joint.materials, joint.spectra, strict=True))
+    response = view.response[None] * joint.views[0].light_scale.value
+    again = replay(views, settings, spectra, [response], [np.zeros(3)], [0.0],
+                   np.random.default_rng(5))
     expected = joint.spectra @ joint.response.T
     # the photo's noise, and surfaces brighter or darker by the stated error; of twelve signals
     # one is beyond 3.5 standard deviations in less than one of a hundred replays
@@ -41,8 +41,7 @@ def test_a_photo_of_the_spectra_that_were_found_gives_their_signals_back(finishe
     assert np.abs((again.signal - expected) / error).max() < 3.5
     # light that no scene holds: the same photo with it, less the photo without
     traced, region = views[0], views[0].region
-    clean, hazy, lit = (_photographed(traced, dataclasses.replace(truth, glare=(glare,),
-                                                                  ambient=(ambient,)), 0,
+    clean, hazy, lit = (_photographed(traced, spectra, response, glare, ambient,
                                       np.zeros_like(traced.traced.coefficients),
                                       np.random.default_rng(6)).measured
                         for glare, ambient in ((np.zeros(3), 0.0), (np.full(3, 0.2), 0.0),

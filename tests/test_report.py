@@ -19,12 +19,8 @@ from spectrabox.radiometry.errors import EnvironmentProblem
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.calibration import SensitivityFit
-from spectrabox.radiometry.records.scenes import SurfaceMisfit
 from spectrabox.radiometry.records.spectra import Outcome
-from spectrabox.sampling.prior.family_coverage import (
-    BandCertificate,
-    FamilyCertificate,
-)
+from spectrabox.sampling.prior.family_coverage import FamilyCertificate
 from spectrabox.sampling.prior.mixture import load_prior
 from spectrabox.session.report.cards import assumed_of_all
 from spectrabox.session.report.maps import display_bands, residual_maps
@@ -186,7 +182,8 @@ def test_a_surface_beyond_chance_and_stated_errors_is_heard(tmp_path, deviation,
     ratio = np.ones_like(results.found.reconstruction.agreement.ratio)
     results = with_ratio(results, ratio)
     assert results.found.verdict.word == "pass"
-    misfit = SurfaceMisfit("white / panel", deviation)
+    misfit = Finding("scene.misfit", Severity.WARN, "white / panel", {
+        "value": abs(deviation), "level": {}, "scatter": None, "part": None, "p": 0.0})
     made = dataclasses.replace(results.found.reconstruction, misfits=(misfit,))
     verdict = with_found(results, reconstruction=made).found.verdict
     assert verdict.severity is status
@@ -227,8 +224,8 @@ def test_a_signal_unlike_what_the_prior_knows_is_said_where_the_material_is_show
 
 def test_how_a_family_was_certified_is_said_once_and_marked_where_the_material_is_shown(tmp_path):
     results = example_session(tmp_path)
-    certificate = FamilyCertificate(False, 2, 600, BandCertificate(0.915, 0.193),
-                                    BandCertificate(0.891, 0.164))
+    certificate = FamilyCertificate(False, 2, 600, {"coverage": 0.915, "width": 0.193},
+                                    {"coverage": 0.891, "width": 0.164})
     prior = dataclasses.replace(load_prior(), certificates={"textile": certificate})
     first = results.found.surfaces[0]
     first = dataclasses.replace(first, prior=prior, summary=dataclasses.replace(

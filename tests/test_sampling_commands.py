@@ -244,11 +244,10 @@ def test_a_signal_says_what_bands_of_its_families_held():
     named = {one["name"]: one for one in free["certified"]}
     assert set(named) == {name for name, share in free["families"].items() if share >= 0.05}
     assert not any(one["stated"] for one in named.values())
-    assert named["skin"]["coverage"] == certificates["skin"].unstated.coverage
+    assert named["skin"]["coverage"] == certificates["skin"].unstated["coverage"]
     assert named["skin"]["share"] == free["families"]["skin"]
     assert said == {"name": "skin", "share": 1.0, "stated": True, "measured": False,
-                    "coverage": certificates["skin"].stated.coverage,
-                    "width": certificates["skin"].stated.width}
+                    **certificates["skin"].stated}
     held = f"skin {100 * said['coverage']:.1f} % at a mean width of {said['width']:.3f}"
     assert held in call("sample", *CAMERA, *skin, "--family", "skin").stdout
     assert "certified" not in sample(*skin, "--method", "uniform")

@@ -16,7 +16,7 @@ from spectrabox.radiometry.records.scenes import RegionTransport
 from spectrabox.radiometry.records.spectra import Outcome
 from spectrabox.sampling.evaluation.identification import ALIKE_NM, SpectralLibrary, identify
 from spectrabox.sampling.evaluation.metrics import curve_band
-from spectrabox.sampling.further.more_measurements import MoreMeasurement, Reading, check_possible
+from spectrabox.sampling.further.more_measurements import Reading, check_possible
 from spectrabox.sampling.prior.calibrated_marginals import COARSE, marginal_moments
 from spectrabox.sampling.prior.families import layered
 from spectrabox.sampling.prior.families.leaves import leaf
@@ -312,7 +312,7 @@ def test_a_reading_beyond_white_is_refused_where_chance_makes_it_so_once_in_a_mi
                                                                                      possible):
     """Chi-square of four with a chance of 1e-6 lies at 5.8 standard errors squared."""
     base = seen(np.full(61, 0.999), 0.002)
-    more = MoreMeasurement("spot", (Reading.at_wavelength(
+    more = ("spot", (Reading.at_wavelength(
         550, 1 + sigmas * np.hypot(0.003, SIGNAL_FLOOR), 0.003),))
     if possible:
         check_possible(base, [more])

@@ -17,7 +17,6 @@ from spectrabox.radiometry.grid import interpolation_matrix, visible_grid
 from spectrabox.radiometry.records.spectra import Outcome, SpectralMeasurement, SpectrumSamples
 from spectrabox.radiometry.spectra.named_spectra import relative_response
 from spectrabox.sampling.further.more_measurements import (
-    MoreMeasurement,
     given_reflected_twice,
     joined,
 )
@@ -116,7 +115,7 @@ def test_everything_of_a_file_is_used(plain, more):
     assert error(facts) < error(plain)
     assert facts["doubtful"] == []
     found = read_more(more / "more.toml", CAMERA, response())
-    assert [one.name for one in found] == [
+    assert [name for name, _ in found] == [
         "the reading at 410 nm, 8 nm wide", "the band filter of filter.csv", "the photo under A",
         "the photo under D65 by CIE 1931 2 Degree Standard Observer",
         "patch 1 said to be the same material"]
@@ -132,7 +131,7 @@ def test_a_spectrometers_spot_is_obeyed_within_its_error(more):
 def test_bands_of_any_level_know_what_was_measured_further():
     spot = reading_at(600.0, float(np.interp(600, FINE.nm, TRUTH)))
     capture = SignalCapture(response(), (response() @ TRUTH)[None], ("",), noise=np.full(3, 0.003),
-                            more=[MoreMeasurement("the spot", (spot,))])
+                            more=[("the spot", (spot,))])
     [one] = sample_signals(capture, SampleOptions(samples=1000))
     alone = sample_signals(dataclasses.replace(capture, more=()), SampleOptions(samples=1000))[0]
     at = int(np.flatnonzero(one.nm == 600)[0])

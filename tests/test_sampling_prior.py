@@ -24,7 +24,6 @@ from spectrabox.sampling.prior.families.layered import skin
 from spectrabox.sampling.prior.families.leaves import petal_tissue
 from spectrabox.sampling.prior.families.made_materials import tiles, whites
 from spectrabox.sampling.prior.family_coverage import (
-    BandCertificate,
     FamilyCertificate,
     certified,
     family_coverages,
@@ -421,7 +420,7 @@ def test_training_calibrates_on_what_was_left_out():
     certified = prior.certificates["paint"].stated
     held = [np.mean(part.stated.scores[AT_95] <= prior.stated_factors[0, AT_95])
             for part in paints]
-    assert certified.coverage == pytest.approx(min(held), abs=1e-12)
+    assert certified["coverage"] == pytest.approx(min(held), abs=1e-12)
     assert "one (260)" in prior.source and "white: tiles" in prior.source
 
 
@@ -526,10 +525,10 @@ def test_conformal_scores_are_the_factor_that_was_needed():
 
 
 CERTIFICATES = {
-    "paint": FamilyCertificate(True, 2, 600, BandCertificate(0.95, 0.09),
-                               BandCertificate(0.92, 0.11)),
-    "skin": FamilyCertificate(False, 2, 600, BandCertificate(0.997, 0.066),
-                              BandCertificate(0.97, 0.098))}
+    "paint": FamilyCertificate(True, 2, 600, {"coverage": 0.95, "width": 0.09},
+                               {"coverage": 0.92, "width": 0.11}),
+    "skin": FamilyCertificate(False, 2, 600, {"coverage": 0.997, "width": 0.066},
+                              {"coverage": 0.97, "width": 0.098})}
 
 
 def test_what_the_bands_of_a_family_held_is_said():

@@ -37,7 +37,7 @@ import numpy as np
 from spectrabox.radiometry.appearance import reflectance_to_lab
 from spectrabox.radiometry.errors import InputError
 from spectrabox.sampling.prior.families.family_models import FAMILIES, Family
-from spectrabox.sampling.prior.family_coverage import BandCertificate, FamilyCertificate
+from spectrabox.sampling.prior.family_coverage import FamilyCertificate
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture, of_families
 from spectrabox.sampling.prior.mixture_posterior import (
     FAMILIAR,
@@ -318,14 +318,15 @@ def certificates(prior: LogitMixture,
             table[name] = FamilyCertificate(
                 mine[0].measured, len(mine) if len(mine) > 1 else 0,
                 sum(part.curves for part in mine),
-                **{kind: BandCertificate(min(one.coverage for one in each),
-                                         float(np.mean([one.width for one in each])))
+                **{kind: {"coverage": min(coverage for coverage, _ in each),
+                          "width": float(np.mean([width for _, width in each]))}
                    for kind, each in bands.items()})
     return table
 
 
-def band_figures(prior: LogitMixture, part: LeftOut, kind: str) -> BandCertificate:
-    """What the calibrated 95 % bands did on a part left out, its family "stated" or "unstated".
+def band_figures(prior: LogitMixture, part: LeftOut, kind: str) -> tuple[float, float]:
+    """Share of wavelengths that the calibrated 95 % bands held of a part left out, its family
+    "stated" or "unstated", and their mean width.
 
     Parameters
     ----------
@@ -338,8 +339,8 @@ def band_figures(prior: LogitMixture, part: LeftOut, kind: str) -> BandCertifica
     judgement: Judgement = getattr(part, kind)
     factor = prior.stated_factors[prior.families.index(part.family), AT_95] \
         if kind == "stated" else judgement.shares @ prior.band_factors[:, AT_95]
-    return BandCertificate(float(np.mean(judgement.scores[AT_95] <= factor)),
-                           float(np.mean(judgement.width[AT_95] * factor)))
+    return (float(np.mean(judgement.scores[AT_95] <= factor)),
+            float(np.mean(judgement.width[AT_95] * factor)))
 
 
 @dataclass(frozen=True)

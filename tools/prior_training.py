@@ -11,7 +11,7 @@ left out in turn decided how much of each. See prior_calibration.py for what mak
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,7 +22,6 @@ from spectrabox.sampling.prior.libraries import without_near_duplicates
 from spectrabox.sampling.prior.mixture import (
     EDGE,
     PRIOR_GRID,
-    Components,
     LogitMixture,
     logit,
     smooth_covariance,
@@ -129,21 +128,19 @@ def joined(fitted: Fitted, families: dict[str, Family], source: str = "") -> Log
     """
     names = tuple(fitted.plain)
     shares = np.array([families[name].share for name in names])
-    plain = _components(fitted.plain, names)
     ones = np.ones((len(names), LEVELS.size, PRIOR_GRID.nm.size))
-    return LogitMixture(PRIOR_GRID.nm, plain.weights * (shares / shares.sum())[plain.family],
-                        plain.means, plain.covariances, names, plain.family, LEVELS, ones, ones,
-                        1.0, np.inf, WIDTH_POWER, source, uniform_level=True,
-                        where_stated=_components(fitted.stated, names) if fitted.stated else None)
 
-
-def _components(fitted: dict[str, LogitMixture], names: tuple[str, ...]) -> Components:
-    each = list(fitted.values())
-    return Components(np.concatenate([one.weights for one in each]),
-                      np.concatenate([one.means for one in each]),
-                      np.concatenate([one.covariances for one in each]),
-                      np.repeat([names.index(name) for name in fitted],
-                                [one.weights.size for one in each]))
+    def together(mixtures: dict[str, LogitMixture]) -> LogitMixture:
+        each = list(mixtures.values())
+        return LogitMixture(PRIOR_GRID.nm, np.concatenate([one.weights for one in each]),
+                            np.concatenate([one.means for one in each]),
+                            np.concatenate([one.covariances for one in each]), names,
+                            np.repeat([names.index(name) for name in mixtures],
+                                      [one.weights.size for one in each]), LEVELS, ones, ones,
+                            1.0, np.inf, WIDTH_POWER, source, uniform_level=True)
+    plain = together(fitted.plain)
+    return replace(plain, weights=plain.weights * (shares / shares.sum())[plain.family],
+                   where_stated=together(fitted.stated) if fitted.stated else None)
 
 
 def parts_of(libraries: dict[str, list[Library]], families: dict[str, Family], seed: int,

@@ -45,8 +45,8 @@ def table(prior: LogitMixture, left_out: Sequence[LeftOut]) -> str:
             if judgement is None:
                 line += f" | {'only where stated':>25}"
             else:
-                did = band_figures(prior, part, kind)
-                line += f" | {judgement.rmse:7.4f} {did.coverage:10.3f} {did.width:6.3f}"
+                coverage, width = band_figures(prior, part, kind)
+                line += f" | {judgement.rmse:7.4f} {coverage:10.3f} {width:6.3f}"
         lines.append(line)
     return "\n".join(lines)
 

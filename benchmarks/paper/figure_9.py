@@ -13,7 +13,7 @@ import argparse
 import json
 import warnings
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +29,6 @@ from spectrabox.sampling.draw_methods import METHODS, draw_spectra
 from spectrabox.sampling.evaluation.metrics import (
     BAND_SCORES,
     ScoredSpectrum,
-    SpectrumScores,
     judged,
     judgement_text,
 )
@@ -101,13 +100,13 @@ def averaged(rows: Sequence[ScoredSpectrum]) -> list[ScoredSpectrum]:
     """One row a method: its scores averaged over the regions."""
     averages = []
     for method in dict.fromkeys(method for _, method, _ in rows):
-        mine = [asdict(scores) for _, one, scores in rows if one == method]
+        mine = [scores for _, one, scores in rows if one == method]
         means: dict[str, Any] = {
             key: float(np.mean([one[key] for one in mine]))
             for key in ("rmse", "spectral_angle", "rmse_best_scale", *dict(BAND_SCORES))}
         means["delta_e00"] = {light: float(np.mean([one["delta_e00"][light] for one in mine]))
                               for light in LIGHTS}
-        averages.append((f"mean of {len(mine)}", method, SpectrumScores(**means)))
+        averages.append((f"mean of {len(mine)}", method, means))
     return averages
 
 
@@ -166,7 +165,7 @@ def picture(judgement: Judgement, chart: np.ndarray, signals: list[np.ndarray],
         axis.set(title=f"patch {index + 1}", xlabel="wavelength (nm)", ylabel="reflectance",
                  ylim=(0, 1))
     axes[0].legend(fontsize=7)
-    averages = {method: asdict(scores) for _, method, scores in judgement.averages}
+    averages = {method: scores for _, method, scores in judgement.averages}
     names = list(averages)
     for offset, key in enumerate(("rmse", "rmse_best_scale")):
         axes[3].bar(np.arange(len(names)) + 0.4 * offset,
@@ -228,7 +227,7 @@ def main() -> None:
     text = judgement_text(judgement.scored + judgement.averages)
     picture(judgement, chart, signals, arguments.out)
     if arguments.json:
-        print(json.dumps({"means": {method: asdict(scores)
+        print(json.dumps({"means": {method: scores
                                     for _, method, scores in judgement.averages},
                           "fitted_on": len(curves), "picture": str(arguments.out)}))
         return

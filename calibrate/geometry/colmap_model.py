@@ -8,14 +8,12 @@ The world's place, direction and unit mean nothing: ``model_in_scene`` finds the
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 
 from spectrabox.calibrate.geometry.lens import Lens
-from spectrabox.radiometry import files, shaped
+from spectrabox.radiometry import files
 from spectrabox.radiometry.errors import InputError
 
 CAMERAS_NAME, IMAGES_NAME = "cameras.txt", "images.txt"
@@ -33,16 +31,11 @@ EXPORT = ("export the model as text with 'colmap model_converter --input_path sp
           "--output_path colmap --output_type TXT'")
 
 
-@dataclass(frozen=True, eq=False)
-class ModelImage(shaped.Record):
-    """A picture of a COLMAP model."""
-
-    name: str
-    lens: Lens                                      # in the picture's own pixels
-    world_to_camera: Annotated[np.ndarray, "4 4"]   # the model's unit
+# a picture of a model: the lens in its own pixels, and world to camera (4, 4) in the model's unit
+Picture = tuple[Lens, np.ndarray]
 
 
-def read_colmap(folder: Path) -> dict[str, ModelImage]:
+def read_colmap(folder: Path) -> dict[str, Picture]:
     """The pictures of a model by name.
 
     Parameters
@@ -56,14 +49,14 @@ def read_colmap(folder: Path) -> dict[str, ModelImage]:
         If a file is missing or not of that form, or a camera's model is not one of ``MODELS``.
     """
     cameras = _cameras(folder / CAMERAS_NAME)
-    images: dict[str, ModelImage] = {}
+    images: dict[str, Picture] = {}
     lines = iter(enumerate(_lines(folder / IMAGES_NAME), start=1))
     for number, line in lines:
         if not line or line.startswith("#"):
             continue
         next(lines, None)           # the picture's points, an empty line where it has none
-        image = _image(line, f"{IMAGES_NAME}, line {number}", cameras)
-        images[image.name] = image
+        name, picture = _picture(line, f"{IMAGES_NAME}, line {number}", cameras)
+        images[name] = picture
     if not images:
         raise InputError(f"{IMAGES_NAME} of {folder} holds no picture; {EXPORT}")
     return images
@@ -131,7 +124,8 @@ def _lens(model: str, width: int, height: int, parameters: list[float], where: s
                 f"COLMAP, {model}")
 
 
-def _image(line: str, where: str, cameras: Mapping[str, Lens]) -> ModelImage:
+def _picture(line: str, where: str, cameras: Mapping[str, Lens]) -> tuple[str, Picture]:
+    """The name and picture of a line."""
     words = line.split(maxsplit=9)
     if len(words) < 10:
         raise InputError(f"{where}: a picture has an id, a quaternion of four numbers, three of a "
@@ -145,7 +139,7 @@ def _image(line: str, where: str, cameras: Mapping[str, Lens]) -> ModelImage:
         raise InputError(f"{where}: the quaternion's length is {length:.4f}, not 1; {EXPORT}")
     world_to_camera = np.eye(4)
     world_to_camera[:3, :3], world_to_camera[:3, 3] = _rotation(quaternion / length), shift
-    return ModelImage(words[9], cameras[words[8]], world_to_camera)
+    return words[9], (cameras[words[8]], world_to_camera)
 
 
 def _rotation(quaternion: np.ndarray) -> np.ndarray:

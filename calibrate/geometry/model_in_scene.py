@@ -43,13 +43,13 @@ class ModelInScene(shaped.Record):
     rms_px: float
 
 
-def model_in_scene(images: Mapping[str, colmap_model.ModelImage], marks: Marks,
+def model_in_scene(images: Mapping[str, colmap_model.Picture], marks: Marks,
                    positions: Mapping[str, tuple[float, float, float]]) -> ModelInScene:
     """The similarity from a model to the scene.
 
     Parameters
     ----------
-    images : mapping of name to ModelImage
+    images : mapping of name to Picture
         Those with marks at least.
     marks : mapping of picture to (mapping of point to [x, y])
         In pixels of the model's picture.
@@ -102,19 +102,20 @@ def model_in_scene(images: Mapping[str, colmap_model.ModelImage], marks: Marks,
         float(np.sqrt(np.mean(lengths**2))))
 
 
-def pose_in_scene(image: colmap_model.ModelImage, model: ModelInScene) -> lens.Pose:
+def pose_in_scene(from_model: np.ndarray, model: ModelInScene) -> lens.Pose:
     """The pose of one of the model's pictures in the scene, with the similarity's errors.
 
     Parameters
     ----------
-    image : ModelImage
+    from_model : (4, 4) array
+        From the model's world to the picture's camera.
     model : ModelInScene
     """
     def moved(step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         scale = model.scale * np.exp(step[0])
         rotation = Rotation.from_rotvec(step[1:4]).as_matrix() @ model.rotation
-        turn = image.world_to_camera[:3, :3] @ rotation.T
-        return turn, scale * image.world_to_camera[:3, 3] - turn @ (model.shift + step[4:])
+        turn = from_model[:3, :3] @ rotation.T
+        return turn, scale * from_model[:3, 3] - turn @ (model.shift + step[4:])
 
     turn, shift = moved(np.zeros(7))
     sizes = _sizes(model.shift, float(np.linalg.norm(shift)))
@@ -130,9 +131,10 @@ def pose_in_scene(image: colmap_model.ModelImage, model: ModelInScene) -> lens.P
                 model.rms_px)
 
 
-def _require_inside(images: Mapping[str, colmap_model.ModelImage], marks: Marks) -> None:
+def _require_inside(images: Mapping[str, colmap_model.Picture], marks: Marks) -> None:
     for picture, points in marks.items():
-        width, height = images[picture].lens.width, images[picture].lens.height
+        seen_by, _ = images[picture]
+        width, height = seen_by.width, seen_by.height
         for point, (x, y) in points.items():
             if not (-0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5):
                 raise errors.InputError(
@@ -142,13 +144,12 @@ def _require_inside(images: Mapping[str, colmap_model.ModelImage], marks: Marks)
 
 
 def _triangulated(point: str, marks: Mapping[str, tuple[float, float]],
-                  images: Mapping[str, colmap_model.ModelImage]) -> np.ndarray:
+                  images: Mapping[str, colmap_model.Picture]) -> np.ndarray:
     """The place (3,) in the model that lies nearest to the rays of one point."""
     normal, wanted, rays = np.zeros((3, 3)), np.zeros(3), []
     for name, px in marks.items():
-        pose = images[name].world_to_camera
-        ray = pose[:3, :3].T @ projection.image_rays(np.array([px], dtype=float),
-                                                     images[name].lens)[0]
+        seen_by, pose = images[name]
+        ray = pose[:3, :3].T @ projection.image_rays(np.array([px], dtype=float), seen_by)[0]
         across = np.eye(3) - np.outer(ray, ray)
         normal += across
         wanted += across @ (-pose[:3, :3].T @ pose[:3, 3])
@@ -175,11 +176,11 @@ def _umeyama(model: np.ndarray, scene: np.ndarray) -> tuple[float, np.ndarray, n
 Similarity = tuple[float, np.ndarray, np.ndarray]
 
 
-# of every picture its image, and places (n, 3) in the scene with the pixels (n, 2) they lie at
-Known = list[tuple[colmap_model.ModelImage, np.ndarray, np.ndarray]]
+# every picture, and places (n, 3) in the scene with the pixels (n, 2) they lie at
+Known = list[tuple[colmap_model.Picture, np.ndarray, np.ndarray]]
 
 
-def _known(images: Mapping[str, colmap_model.ModelImage], marks: Marks,
+def _known(images: Mapping[str, colmap_model.Picture], marks: Marks,
            positions: Mapping[str, tuple[float, float, float]],
            without: str | None = None) -> Known:
     """What the pictures show, all but one point where it is named."""
@@ -200,11 +201,11 @@ def _misses(start: Similarity, step: np.ndarray, known: Known) -> np.ndarray:
     """Pixels (n, 2) by which the marks are missed."""
     scale, rotation, shift = _parts(start, step)
     missed = []
-    for image, places, points_px in known:
-        turn = image.world_to_camera[:3, :3] @ rotation.T
-        there = scale * image.world_to_camera[:3, 3] - turn @ shift
+    for (seen_by, from_model), places, points_px in known:
+        turn = from_model[:3, :3] @ rotation.T
+        there = scale * from_model[:3, 3] - turn @ shift
         pose = np.concatenate([Rotation.from_matrix(turn).as_rotvec(), there])
-        missed.append(projection.projected(places, pose, image.lens)[0] - points_px)
+        missed.append(projection.projected(places, pose, seen_by)[0] - points_px)
     return np.concatenate(missed)
 
 
@@ -233,7 +234,7 @@ def _refined(start: Similarity, known: Known) -> np.ndarray:
 def _require_explained(fit: np.ndarray, start: Similarity, known: Known,
                        without: Mapping[str, Known]) -> None:
     """Refuse marks that no similarity explains, with the point ``without`` which it would."""
-    allowed = ACCEPTED_SHARE * float(np.mean([image.lens.width for image, _, _ in known]))
+    allowed = ACCEPTED_SHARE * float(np.mean([seen_by.width for (seen_by, _), _, _ in known]))
 
     def rms(step: np.ndarray, marks: Known) -> float:
         return float(np.sqrt(np.mean(np.sum(_misses(start, step, marks) ** 2, axis=1))))

@@ -165,9 +165,9 @@ def told_apart(findings: Sequence[Finding], samples: photos.PatchSamples, refere
             or not chart_causes.claims(findings):
         return list(findings)
     unread = samples.clipped if excluded is None else samples.clipped | excluded[:, None]
-    ranking = chart_causes.ranked(chart_causes.PatchSignals(
+    ranking = chart_causes.ranked(
         np.where(unread, np.nan, samples.mean), reference, samples.standard_error,
-        chart_agreement.chart_units(chart), MIXING_SD))
+        chart_agreement.chart_units(chart), MIXING_SD)
     return chart_causes.settled(findings, ranking, "chart.cause")
 
 

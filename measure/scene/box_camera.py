@@ -103,7 +103,8 @@ def lens_of(view: SceneView) -> Lens | None:
                                            scene_file.SceneFile) or stated.camera.image is None:
         return view.lens
     image = stated.camera.image
-    return colmap_model.for_photo(stated.model[image].lens, *photo_size(stated.taken.path), image)
+    lens, _ = stated.model[image]
+    return colmap_model.for_photo(lens, *photo_size(stated.taken.path), image)
 
 
 def box_text(stated: BoxPhoto) -> str:
@@ -232,7 +233,7 @@ def camera_from_corners(camera: box_tables.CameraTable, positions: Positions, le
                      dict(zip(names, residuals, strict=True)))
 
 
-def camera_from_model(images: Mapping[str, colmap_model.ModelImage], image: str,
+def camera_from_model(images: Mapping[str, colmap_model.Picture], image: str,
                       marks: Mapping[str, Points], positions: Positions,
                       size: tuple[int, int]) -> BoxCamera:
     """The camera of one picture of a COLMAP model.
@@ -255,13 +256,14 @@ def camera_from_model(images: Mapping[str, colmap_model.ModelImage], image: str,
         If model and marked corners do not fit.
     """
     model = model_in_scene.model_in_scene(images, marks, positions)
-    lens = colmap_model.for_photo(images[image].lens, *size, image)
-    scale = np.array(size) / (images[image].lens.width, images[image].lens.height)
+    own_lens, from_model = images[image]
+    lens = colmap_model.for_photo(own_lens, *size, image)
+    scale = np.array(size) / (own_lens.width, own_lens.height)
     own: dict[str, tuple[float, float]] = {}
     for corner, point in marks.get(image, {}).items():
         x, y = (np.array(point) + 0.5) * scale - 0.5        # a pixel's middle is a whole number
         own[corner] = (float(x), float(y))
-    return BoxCamera("COLMAP", lens, model_in_scene.pose_in_scene(images[image], model), own,
+    return BoxCamera("COLMAP", lens, model_in_scene.pose_in_scene(from_model, model), own,
                      {corner: model.residuals_px[image, corner] for corner in own}, model)
 
 

@@ -33,7 +33,7 @@ from spectrabox.radiometry.records.scenes import JointReconstruction
 from spectrabox.radiometry.spectra.spectrum_files import spectrum_on_grid
 from spectrabox.reconstruct import settings, view
 from spectrabox.reconstruct.fit.transport_fit import TracedView
-from spectrabox.reconstruct.replay import Truth, replay, replayable
+from spectrabox.reconstruct.replay import replay, replayable
 from spectrabox.sampling.prior import mixture
 from spectrabox.sampling.prior.families.family_models import true_reflectances
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
@@ -174,9 +174,8 @@ def rehearse(views: Sequence[view.PhotoView], settings: settings.InversionSettin
         # as large as stated, and never less than none
         true_glare = [glare * part for part in np.abs(rng.standard_normal(len(responses)))]
         true_ambient = ambient * np.abs(rng.standard_normal(len(responses)))
-        truth = Truth(true_spectra, responses, tuple(true_glare), tuple(true_ambient.tolist()))
-        again = with_stray_light(replay(traced_views, settings, truth, rng), glare, ambient,
-                                 stated_gloss)
+        again = with_stray_light(replay(traced_views, settings, true_spectra, responses, true_glare,
+                                        true_ambient.tolist(), rng), glare, ambient, stated_gloss)
         signals = scene_signals(again, calibrations)
         scores = []
         for name, own in priors.items():

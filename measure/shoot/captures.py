@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from spectrabox.calibrate.geometry.colmap_model import ModelImage, read_colmap
+from spectrabox.calibrate.geometry.colmap_model import Picture, read_colmap
 from spectrabox.calibrate.geometry.lens import read_lens
 from spectrabox.calibrate.prior.camera_prior import load_camera_prior
 from spectrabox.measure import captured
@@ -385,7 +385,7 @@ def box_photo(shoot: Shoot, inputs: Inputs, view: CompleteView | None = None) ->
         camera_view=camera_view, camera_place=f"{FILE_NAME}: {table}", model_place=COLMAP)
 
 
-def _pictures(shoot: Shoot, inputs: Inputs, image: str) -> dict[str, ModelImage]:
+def _pictures(shoot: Shoot, inputs: Inputs, image: str) -> dict[str, Picture]:
     """The picture of the session's COLMAP model that is a photo, and those that tie it to the box.
     """
     assert shoot.box is not None and shoot.box.colmap is not None

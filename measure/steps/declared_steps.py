@@ -67,8 +67,10 @@ def _film_of(view: captured.SceneView) -> list[Any]:
     scene = view.scene
     if isinstance(scene, SceneFile):
         return [scene.width, scene.height]
-    image = scene.camera.image
-    return [scene.taken] if image is None else [scene.taken, scene.model[image].lens]
+    if scene.camera.image is None:
+        return [scene.taken]
+    lens, _ = scene.model[scene.camera.image]
+    return [scene.taken, lens]
 
 
 def inputs_of_calibration(capture: captured.Capture) -> dict[str, Any]:

@@ -55,19 +55,6 @@ class SurfaceAgreement(Record):
 
 
 @dataclass(frozen=True, eq=False)
-class SurfaceMisfit(Record):
-    """A surface on which photo and rendering differ beyond chance and beyond what was stated."""
-
-    surface: str                                    # as ``SurfaceAgreement`` names it
-    # largest: photo / rendering - 1 of the surface or of a part beyond noise, or their scatter
-    deviation: float
-    level: dict[str, float] = field(default_factory=dict)   # the same of the surface, by band
-    scatter: float | None = None                    # of its parts among themselves; None: by chance
-    part: float | None = None                       # of the part that is the largest deviation
-    p: float = 0.0                                  # after Holm's correction
-
-
-@dataclass(frozen=True, eq=False)
 class KnownLight(Record):
     """The light on a scene by its surfaces of known spectrum."""
 
@@ -115,7 +102,7 @@ class Reconstruction(Record):
     seed: int
     outcome: Outcome
     findings: tuple[Finding, ...] = ()              # of the fit: what is data and what is prior
-    misfits: tuple[SurfaceMisfit, ...] = ()         # worst first
+    misfits: tuple[Finding, ...] = ()               # of its surfaces, worst first
     known_light: KnownLight | None = None           # None where no known surface tells of it
 
 

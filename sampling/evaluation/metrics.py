@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -201,44 +201,13 @@ BAND_SCORES = (("coverage", "95 % holds"), ("whole_curve", "whole"), ("width", "
                  ("sharpness", "50 % w."), ("winkler", "Winkler"))
 
 
-@dataclass(frozen=True)
-class SpectrumScores:
-    """How near one recovered spectrum is to the truth; those of a band are None without one.
-
-    Attributes
-    ----------
-    rmse, rmse_best_scale : float
-        The second after the one best factor.
-    spectral_angle : float
-        In radians.
-    delta_e00 : dict of float
-        CIEDE2000 by light.
-    coverage : float, optional
-        Share of wavelengths in the 95 % band.
-    whole_curve : bool or float, optional
-        Whether the widened band that holds 95 % of whole draws holds the whole truth; as a mean,
-        of what share.
-    width, sharpness, winkler : float, optional
-        Of the 95 % band; width of the 50 % band; interval score.
-    """
-
-    rmse: float
-    spectral_angle: float
-    rmse_best_scale: float
-    delta_e00: dict[str, float]
-    coverage: float | None = None
-    whole_curve: bool | float | None = None
-    width: float | None = None
-    sharpness: float | None = None
-    winkler: float | None = None
-
-
-ScoredSpectrum = tuple[str, str, SpectrumScores]     # signal or region, method, and its scores
+# signal or region, method, and its scores by name, as ``judged`` gives them
+ScoredSpectrum = tuple[str, str, dict[str, Any]]
 
 
 def judged(nm: np.ndarray, truth: np.ndarray, estimate: np.ndarray, lights: tuple[str, ...],
-           draws: np.ndarray | None = None) -> SpectrumScores:
-    """Scores of one recovered spectrum.
+           draws: np.ndarray | None = None) -> dict[str, Any]:
+    """Scores of one recovered spectrum: how near it is to the truth.
 
     Parameters
     ----------
@@ -248,20 +217,32 @@ def judged(nm: np.ndarray, truth: np.ndarray, estimate: np.ndarray, lights: tupl
         Of the colour differences.
     draws : (T, P), optional
         What the estimate is the mean of. Fewer than 1000 give no band.
+
+    Returns
+    -------
+    dict
+        ``rmse``, and ``rmse_best_scale`` after the one best factor; ``spectral_angle`` in radians;
+        ``delta_e00``, CIEDE2000 by light. None without a band: ``coverage``, the share of
+        wavelengths in the 95 % band; ``whole_curve``, whether the widened band that holds 95 % of
+        whole draws holds the whole truth; ``width`` of the 95 % band and ``sharpness``, that of the
+        50 % band; ``winkler``, the interval score.
     """
     differences = delta_e00_under(lights, grids.grid_from_nm(nm), estimate[None], truth[None])
-    scores = SpectrumScores(
-        float(rmse(estimate, truth)), float(spectral_angle(estimate, truth)),
-        float(rmse(best_scale(estimate, truth) * estimate, truth)),
-        {light: float(values[0]) for light, values in differences.items()})
+    scores: dict[str, Any] = {
+        "rmse": float(rmse(estimate, truth)),
+        "spectral_angle": float(spectral_angle(estimate, truth)),
+        "rmse_best_scale": float(rmse(best_scale(estimate, truth) * estimate, truth)),
+        "delta_e00": {light: float(values[0]) for light, values in differences.items()},
+        **dict.fromkeys(dict(BAND_SCORES))}
     if draws is None or len(draws) < BAND_DRAWS:
         return scores
     lower, upper = np.quantile(draws, [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=0)
     widest = curve_band(draws, LEVEL)
-    return replace(scores, coverage=coverage(lower, upper, truth),
-                   whole_curve=bool(np.all((truth >= widest[0]) & (truth <= widest[1]))),
-                   width=float(np.mean(upper - lower)), sharpness=sharpness(draws),
-                   winkler=winkler_score(lower, upper, truth, LEVEL))
+    return scores | {
+        "coverage": coverage(lower, upper, truth),
+        "whole_curve": bool(np.all((truth >= widest[0]) & (truth <= widest[1]))),
+        "width": float(np.mean(upper - lower)), "sharpness": sharpness(draws),
+        "winkler": winkler_score(lower, upper, truth, LEVEL)}
 
 
 def baselines(measurement: SpectralMeasurement, draws: int, seed: int,
@@ -280,16 +261,16 @@ def judgement_text(rows: Sequence[ScoredSpectrum]) -> str:
     """A table of judged spectra, one a row."""
     widths = [max(6, *(len(region) for region, _, _ in rows)),
               max(6, *(len(method) for _, method, _ in rows))]
-    lights = tuple(rows[0][2].delta_e00)
+    lights = tuple(rows[0][2]["delta_e00"])
     lines = [f"{'region':<{widths[0]}} {'method':<{widths[1]}} "
              + " ".join(f"{label:>7}" for _, label in POINT_SCORES)
              + "".join(f" {'dE ' + light:>9}" for light in lights)
              + "".join(f" {label:>10}" for _, label in BAND_SCORES)]
     for region, method, scores in rows:
         cells = [f"{region:<{widths[0]}} {method:<{widths[1]}}",
-                 *(f"{getattr(scores, name):7.4f}" for name, _ in POINT_SCORES),
-                 *(f"{scores.delta_e00[light]:9.2f}" for light in lights),
-                 *(f"{_cell(getattr(scores, name)):>10}" for name, _ in BAND_SCORES)]
+                 *(f"{scores[name]:7.4f}" for name, _ in POINT_SCORES),
+                 *(f"{scores['delta_e00'][light]:9.2f}" for light in lights),
+                 *(f"{_cell(scores[name]):>10}" for name, _ in BAND_SCORES)]
         lines.append(" ".join(cells))
     return "\n".join(lines)
 

@@ -24,15 +24,8 @@ from spectrabox.sampling.prior.signal_posterior import solve_posterior
 DOUBT_DRAWS = 400
 
 
-@dataclass(frozen=True)
-class MoreMeasurement:
-    """One more thing that was measured of the surface: readings, or another measurement by a
-    camera.
-    """
-
-    name: str
-    readings: tuple[Reading, ...] = ()
-    measurement: spectra.SpectralMeasurement | None = None
+# its name, and what was measured of the surface: readings, or another measurement by a camera
+MoreMeasurement = tuple[str, "tuple[Reading, ...] | spectra.SpectralMeasurement"]
 
 
 def joined(base: spectra.SpectralMeasurement,
@@ -52,9 +45,10 @@ def joined(base: spectra.SpectralMeasurement,
         If some cannot be true together; they are named.
     """
     photos = [base]        # one a camera and light: what came twice is averaged
-    for further in more:
-        photo = further.measurement
-        if photo is None:
+    readings: list[Reading] = []
+    for name, photo in more:
+        if isinstance(photo, tuple):
+            readings += photo
             continue
         twin = next((index for index, known in enumerate(photos) if same_bands(known, photo)), None)
         try:
@@ -63,8 +57,7 @@ def joined(base: spectra.SpectralMeasurement,
             else:
                 photos[twin] = same_material([photos[twin], photo])
         except InputError as error:
-            raise InputError(f"{further.name}: {error}") from None
-    readings = [reading for further in more for reading in further.readings]
+            raise InputError(f"{name}: {error}") from None
     whole = condition(same_material(photos), readings)
     check_possible(base, more)
     return whole
@@ -88,9 +81,9 @@ def check_possible(base: spectra.SpectralMeasurement, more: list[MoreMeasurement
     """
     if not more or _possible(base, more):
         return
-    blamed = [further.name for index, further in enumerate(more)
+    blamed = [name for index, (name, _) in enumerate(more)
               if _possible(base, more[:index] + more[index + 1:])]
-    names = " or ".join(blamed) if blamed else ", ".join(further.name for further in more)
+    names = " or ".join(blamed) if blamed else ", ".join(name for name, _ in more)
     raise InputError(f"{names} contradicts the other measurements: no reflectance between 0 and 1 "
                      "gives all of them within their errors; measure again, state larger errors, "
                      "or leave it out")
@@ -111,15 +104,15 @@ def doubtful(base: spectra.SpectralMeasurement, more: list[MoreMeasurement], pri
         Of the random generator; the same seed gives the same draws bit for bit.
     """
     findings = []
-    for index, further in enumerate(more):
+    for index, (name, measured) in enumerate(more):
         rest = joined(base, more[:index] + more[index + 1:])
-        rows, values, covariance = measured_rows(base, further)
+        rows, values, covariance = measured_rows(base, measured)
         expected = solve_posterior(prior, rest).draws(DOUBT_DRAWS, seed) @ rows.T
         spread = np.atleast_2d(np.cov(expected, rowvar=False)) + with_floor(covariance)
         away = values - expected.mean(axis=0)
         if away @ np.linalg.solve(spread, away) > chdtri(len(away), CONTRADICTION):
             worst = int(np.argmax(np.abs(away)))
-            findings.append(Finding("reading.hard-to-believe", Severity.WARN, further.name, {
+            findings.append(Finding("reading.hard-to-believe", Severity.WARN, name, {
                 "value": float(values[worst]), "expected": float(expected[:, worst].mean()),
                 "error": float(np.sqrt(spread[worst, worst]))}))
     return findings
@@ -129,7 +122,7 @@ def _possible(base: spectra.SpectralMeasurement, more: list[MoreMeasurement]) ->
     whole = spectral_measurement.without_states(base)
     parts = [(spectral_measurement.response_on(whole,
                                                PRIOR_GRID), whole.signal, whole.noise_covariance),
-             *(measured_rows(base, further) for further in more)]
+             *(measured_rows(base, measured) for _, measured in more)]
     rows, targets = [], []
     for part, values, covariance in parts:
         whiten = np.linalg.inv(np.linalg.cholesky(with_floor(covariance)))
@@ -141,7 +134,8 @@ def _possible(base: spectra.SpectralMeasurement, more: list[MoreMeasurement]) ->
 
 
 def measured_rows(base: spectra.SpectralMeasurement,
-                  more: MoreMeasurement) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+                  more: tuple[Reading, ...] | spectra.SpectralMeasurement
+                  ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rows (J, 61) on the prior's wavelengths, values (J,) and covariance (J, J) of one more
     measurement.
 
@@ -149,13 +143,13 @@ def measured_rows(base: spectra.SpectralMeasurement,
     ----------
     base : SpectralMeasurement
         Whose grid readings are put on.
-    more : MoreMeasurement
+    more : tuple of Reading, or SpectralMeasurement
     """
-    if more.measurement is not None:
-        photo = spectral_measurement.without_states(more.measurement)
+    if not isinstance(more, tuple):
+        photo = spectral_measurement.without_states(more)
         return spectral_measurement.response_on(photo,
                                                 PRIOR_GRID), photo.signal, photo.noise_covariance
-    both, bands = condition(base, list(more.readings)), len(base.signal)
+    both, bands = condition(base, list(more)), len(base.signal)
     return (spectral_measurement.response_on(both, PRIOR_GRID)[bands:], both.signal[bands:],
             both.noise_covariance[bands:, bands:])
 

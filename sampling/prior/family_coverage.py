@@ -18,22 +18,18 @@ MOSTLY = 0.5            # share of families in doubt from which the terminal nam
 
 
 @dataclass(frozen=True)
-class BandCertificate:
-    """What the 95 % bands did on one family; coverage is of the part that was held least."""
-
-    coverage: float         # of wavelengths
-    width: float            # mean over parts
-
-
-@dataclass(frozen=True)
 class FamilyCertificate:
-    """How a family was judged, where it was stated and where it was not."""
+    """How a family was judged, where it was stated and where it was not.
+
+    Of 95 % bands there, ``coverage`` is the share of wavelengths that they held, of the part that
+    was held least, and ``width`` the mean over parts.
+    """
 
     measured: bool          # on measured libraries; if not, on what its models make
     parts: int              # libraries or models that were left out in turn; 0 if none was
     curves: int
-    stated: BandCertificate
-    unstated: BandCertificate
+    stated: Mapping[str, float]
+    unstated: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -46,17 +42,18 @@ class FamilyCoverage:
     certificate: FamilyCertificate | None
 
     @property
-    def bands(self) -> BandCertificate | None:
+    def bands(self) -> Mapping[str, float | None]:
         """The figures that apply: with the family stated, or with none."""
         if self.certificate is None:
-            return None
+            return {"coverage": None, "width": None}
         return self.certificate.stated if self.stated else self.certificate.unstated
 
     @property
     def in_doubt(self) -> bool:
         """Whether the family was certified on theory alone, held too seldom, or not judged."""
-        return (self.certificate is None or self.bands is None or not self.certificate.measured
-                or self.bands.coverage < CERTIFIED)
+        coverage = self.bands["coverage"]
+        return (self.certificate is None or coverage is None or not self.certificate.measured
+                or coverage < CERTIFIED)
 
     @property
     def tested_on(self) -> str | None:
@@ -98,8 +95,7 @@ def coverage_facts(families: Sequence[FamilyCoverage]) -> list[dict[str, Any]]:
     """
     return [{"name": one.name, "share": one.share, "stated": one.stated,
              "measured": one.certificate is not None and one.certificate.measured,
-             "coverage": None if one.bands is None else one.bands.coverage,
-             "width": None if one.bands is None else one.bands.width} for one in families]
+             **one.bands} for one in families]
 
 
 def certified(families: Sequence[FamilyCoverage]) -> list[Finding]:
@@ -109,9 +105,7 @@ def certified(families: Sequence[FamilyCoverage]) -> list[Finding]:
     ----------
     families : sequence of FamilyCoverage
     """
-    rows = [{"name": one.name, "on": one.tested_on,
-             "coverage": None if one.bands is None else one.bands.coverage,
-             "width": None if one.bands is None else one.bands.width} for one in families]
+    rows = [{"name": one.name, "on": one.tested_on, **one.bands} for one in families]
     different = [row for index, row in enumerate(rows) if row not in rows[:index]]
     return [Finding("families.tested", Severity.INFO, values={"families": different})] \
         if different else []

@@ -23,7 +23,7 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.system.archives import DamagedArchiveError, opened_npz
 from spectrabox.sampling.prior import level
 from spectrabox.sampling.prior.families.family_names import WORDS, unknown_families
-from spectrabox.sampling.prior.family_coverage import BandCertificate, FamilyCertificate
+from spectrabox.sampling.prior.family_coverage import FamilyCertificate
 
 PRIOR_GRID = grid.visible_grid(5)
 SHIPPED = Path(__file__).parent / "models" / "surface_families.npz"
@@ -40,16 +40,6 @@ SCALARS = ("curve_factor", "familiar_surprise", "width_power")
 COMPONENTS = ("weights", "means", "covariances", "family")
 ARRAYS = ("nm", *COMPONENTS, "levels", "band_factors", "stated_factors", *SCALARS)
 SINGLE_PRECISION = ("means", "covariances", "band_factors", "stated_factors")
-
-
-@dataclass(frozen=True, eq=False)
-class Components(shaped.Record):
-    """Normal distributions of logits, D of them; the weights of each family sum to 1."""
-
-    weights: Annotated[np.ndarray, "D"]
-    means: Annotated[np.ndarray, "D P"]
-    covariances: Annotated[np.ndarray, "D P P"]
-    family: Annotated[np.ndarray, "D"]          # index of each one's
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -74,8 +64,8 @@ class LogitMixture(shaped.Record):
     source: str                                 # what it was trained on, with licences
     stated: tuple[str, ...] = ()                # families that were stated
     certificates: Mapping[str, FamilyCertificate] = field(default_factory=dict)     # by family
-    # of the families that have other ones where they are stated
-    where_stated: Components | None = None
+    # of families that have other components where they are stated; weights of each sum to 1
+    where_stated: LogitMixture | None = None
     uniform_level: bool = False         # in place of the components' own (level.py)
     tail: float = 0.0                   # by which bands grow (mixture_posterior.tail_growth)
 
@@ -144,18 +134,16 @@ def of_families(prior: LogitMixture, stated: Sequence[str]) -> LogitMixture:
             raise InputError(f"the prior knows no surfaces of the family {word!r}, only of "
                              f"{', '.join(prior.families)}")
     kept = [index for index, name in enumerate(prior.families) if name in names]
-    mine = components_where_stated(prior, kept)
-    return replace(prior, weights=mine.weights, means=mine.means, covariances=mine.covariances,
-                   families=tuple(prior.families[index] for index in kept),
+    mine = mixture_where_stated(prior, kept)
+    return replace(mine, families=tuple(prior.families[index] for index in kept),
                    family=np.searchsorted(kept, mine.family),
                    band_factors=prior.stated_factors[kept],
                    stated_factors=prior.stated_factors[kept],
-                   stated=tuple(prior.families[index] for index in kept), where_stated=None,
-                   uniform_level=False)
+                   stated=tuple(prior.families[index] for index in kept), uniform_level=False)
 
 
-def components_where_stated(prior: LogitMixture, kept: Sequence[int]) -> Components:
-    """The components of stated families, given by their indices, with weights that sum to 1.
+def mixture_where_stated(prior: LogitMixture, kept: Sequence[int]) -> LogitMixture:
+    """The mixture of the components of stated families alone, given by their indices.
 
     Parameters
     ----------
@@ -174,7 +162,8 @@ def components_where_stated(prior: LogitMixture, kept: Sequence[int]) -> Compone
         parts.append((weights, other.means[new], other.covariances[new], other.family[new]))
     weights, means, covariances, family = (np.concatenate(each)
                                            for each in zip(*parts, strict=True))
-    return Components(weights / weights.sum(), means, covariances, family)
+    return replace(prior, weights=weights / weights.sum(), means=means, covariances=covariances,
+                   family=family, where_stated=None)
 
 
 def logit(reflectance: np.ndarray) -> np.ndarray:
@@ -290,14 +279,12 @@ def _read_prior(path: Path) -> LogitMixture:
                                  "with tools/train_prior.py")
             numbers = {name: np.asarray(stored[name], dtype=float) for name in ARRAYS}
             other = {name: np.asarray(stored[STATED + name], dtype=float) for name in COMPONENTS
-                     if STATED + name in stored}
+                     } if STATED + COMPONENTS[0] in stored else {}
             uniform = "uniform_level" in stored and bool(stored["uniform_level"])
             tail = float(stored["tail"]) if "tail" in stored else PREVIOUS_TAIL
             source, families = str(stored["source"]), tuple(stored["families"].tolist())
-            certificates = {
-                name: FamilyCertificate(**row | {kind: BandCertificate(**row[kind])
-                                                 for kind in ("stated", "unstated")})
-                for name, row in json.loads(str(stored["certificates"])).items()}
+            certificates = {name: FamilyCertificate(**row)
+                            for name, row in json.loads(str(stored["certificates"])).items()}
     except FileNotFoundError:
         raise InputError(f"the prior {path} is missing; give another file or make one with "
                          "tools/train_prior.py") from None
@@ -307,8 +294,9 @@ def _read_prior(path: Path) -> LogitMixture:
     try:
         prior = LogitMixture(source=source, families=families, certificates=certificates,
                              uniform_level=uniform, tail=tail,
-                             where_stated=Components(**other) if other else None,
                              **numbers, **scalars)  # type: ignore[arg-type]
+        if other:
+            prior = replace(prior, where_stated=replace(prior, **other))  # type: ignore[arg-type]
     except (TypeError, ValueError) as error:
         raise InputError(f"the prior {path.name} is damaged ({error}); train it again") from None
     check_prior(prior, path.name)
@@ -333,9 +321,8 @@ def check_prior(prior: LogitMixture, name: str) -> None:
         raise InputError(f"the prior {name} is for {prior.nm.size} wavelengths from "
                          f"{prior.nm[0]:g} to {prior.nm[-1]:g} nm; 61 from 400 to 700 nm are "
                          "needed: train it again on this grid")
-    whole = Components(prior.weights, prior.means, prior.covariances, prior.family)
     other = prior.where_stated
-    parts = [whole] if other is None else [whole, other]
+    parts = [prior] if other is None else [prior, other]
     numbers = [prior.levels, prior.band_factors, prior.stated_factors,
                np.array(prior.tail)]
     numbers += [values for part in parts for values in (part.weights, part.means, part.covariances)]

@@ -145,7 +145,7 @@ def ranked(samples: spectra.SpectrumSamples, base: spectra.SpectralMeasurement,
         If there is nothing to rank by, or fewer draws than are to be kept.
     """
     seen, measured = [], []
-    for further in more:
+    for _, further in more:
         rows, values, _ = measured_rows(base, further)
         seen.append(samples.spectra @ rows.T)
         measured.append(values)

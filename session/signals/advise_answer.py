@@ -95,7 +95,7 @@ def _on_signal(measured: MeasuredSignal, sensitivity: str | None, light: str | N
                                    found=advise.stated_outlook(estimate),
                                    curves=named_spectra.sensitivities(sensitivity, FINE_GRID),
                                    present=named_spectra.light(light, FINE_GRID), hand=hand)
-    facts, text = _answer(advice.Advised(each), taken=[one.name for one in taken])
+    facts, text = _answer(advice.Advised(each), taken=[name for name, _ in taken])
     caveats = [*map(texts.says, signal_capture.unstated(white, noise))]
     if caveats:
         facts["caveat"] = "\n".join(caveats)

@@ -90,8 +90,8 @@ def further_measurements(measured: MeasuredSignal, sensitivity: str, relative_re
     ------
     InputError
     """
-    measurements = [MoreMeasurement(reading.name, (reading,))
-                    for reading in map(signal_options.parse_reading, measured.reading)]
+    readings = map(signal_options.parse_reading, measured.reading)
+    measurements: list[MoreMeasurement] = [(reading.name, (reading,)) for reading in readings]
     measurements += [photo_of_text(text, sensitivity, len(relative_response))
                      for text in measured.signal_under]
     measurements += [patch_of_text(text, relative_response, white, number)
@@ -114,9 +114,8 @@ def photo_of_text(text: str, sensitivity: str, bands: int) -> MoreMeasurement:
                          "LIGHT=v1,v2,v3:e1,e2,e3")
     signal, noise = signal_options.signal_and_noise(rest, bands, "photo")
     relative_response = named_spectra.relative_response(sensitivity, light, FINE_GRID)
-    return MoreMeasurement(f"the photo under {light}",
-                           measurement=sample.measurement_of_signal(relative_response, signal, None,
-                                                             noise))
+    return f"the photo under {light}", sample.measurement_of_signal(relative_response, signal, None,
+                                                                    noise)
 
 
 def patch_of_text(text: str, relative_response: np.ndarray, white: np.ndarray | None,
@@ -154,7 +153,7 @@ def read_more(path: Path, sensitivity: str, relative_response: np.ndarray) -> li
 
 def _reading(table: ReadingTable) -> MoreMeasurement:
     reading = sample.reading_at(table.nm, table.reflectance, table.error, table.fwhm_nm)
-    return MoreMeasurement(reading.name, (reading,))
+    return reading.name, (reading,)
 
 
 def _band(table: BandTable, folder: Path) -> MoreMeasurement:
@@ -163,7 +162,7 @@ def _band(table: BandTable, folder: Path) -> MoreMeasurement:
     curve = spectrum_files.on_grid(curves.nm, np.maximum(curves.values[column], 0), grid,
                                    curves.file)
     name = f"the band {curves.names[column]} of {curves.file}"
-    return MoreMeasurement(name, (Reading(name, grid.nm, curve, table.reflectance, table.error),))
+    return name, (Reading(name, grid.nm, curve, table.reflectance, table.error),)
 
 
 def _photo(table: PhotoTable, sensitivity: str, folder: Path) -> MoreMeasurement:
@@ -173,11 +172,11 @@ def _photo(table: PhotoTable, sensitivity: str, folder: Path) -> MoreMeasurement
     relative_response = named_spectra.relative_response(
         _file_or_name(table.sensitivity or sensitivity, folder), _file_or_name(table.light, folder),
         FINE_GRID)
-    return MoreMeasurement(name, measurement=_measurement(table, relative_response, "photo"))
+    return name, _measurement(table, relative_response, "photo")
 
 
 def _patch(number: int, measurement: SpectralMeasurement) -> MoreMeasurement:
-    return MoreMeasurement(f"patch {number} said to be the same material", measurement=measurement)
+    return f"patch {number} said to be the same material", measurement
 
 
 def _measurement(table: SignalTable, relative_response: np.ndarray,
@@ -204,7 +203,7 @@ def _spot(table: SpotTable, folder: Path) -> MoreMeasurement:
         errors = np.interp(nm, spectrum.grid.nm, spectrum.standard_error)
     readings = [sample.reading_at(float(at_nm), float(value), float(error))
                 for at_nm, value, error in zip(nm, values, errors, strict=True)]
-    return MoreMeasurement(f"the spot of {table.file}", tuple(readings))
+    return f"the spot of {table.file}", tuple(readings)
 
 
 def _file_or_name(name: str, folder: Path) -> str:

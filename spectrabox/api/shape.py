@@ -382,14 +382,15 @@ def _scenes(photos: Sequence[object], opened: Sequence[Photo], poses: PoseLike,
             # a developed photo may have another name than the one that it was developed from
             source = Path(photo.image.source)
             name = Path(given).name if isinstance(given, str | Path) else source.name
-            image = next((one for word in (Path(name), source) for key, one in images.items()
-                          if word.stem == Path(key).stem), None)
-            if image is None:
+            picture = next((one for word in (Path(name), source) for key, one in images.items()
+                            if word.stem == Path(key).stem), None)
+            if picture is None:
                 raise InputError(f"the COLMAP model in {poses} knows no picture {name}; it knows "
                                  f"{', '.join(list(images)[:5])} ...")
             height, width = photo.signal.shape[:2]
-            own = colmap_model.for_photo(image.lens, width, height, name)
-            scenes.append(_scene_of_pose(own, image.world_to_camera, flash, name))
+            own_lens, pose = picture
+            own = colmap_model.for_photo(own_lens, width, height, name)
+            scenes.append(_scene_of_pose(own, pose, flash, name))
         return scenes
     if len(poses) != len(photos):
         raise InputError(f"{len(poses)} poses were given for {len(photos)} photos; give one each")

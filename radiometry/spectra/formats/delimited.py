@@ -153,34 +153,39 @@ def read_delimited(content: bytes, path: Path,
         return measurement_table.SpectralTable(
             units.axis_in_nm(across[1], None, axis_unit, path.name), across[0], across[2], facts,
             path.name)
-    table = text_table.find_table(lines, path.name)
-    columns = table.numbers.shape[1]
-    header = (table.header + [""] * columns)[:columns]
-    axis = _axis_column(header, table.unit_row)
+    block, layout, notes = text_table.find_table(lines, path.name)
+    stated_names, unit_row = text_table.names_and_units(lines, block, layout)
+    numbers = text_table.numbers_of(block, layout, path.name)
+    columns = numbers.shape[1]
+    header = (stated_names + [""] * columns)[:columns]
+    unit_row = (unit_row + [""] * columns)[:columns]
+    axis = _axis_column(header, unit_row)
     filled = [index for index in range(columns) if header[index]
-              or np.isfinite(table.numbers[:, index]).any()]
-    again = _axis_again(table.numbers, header, axis, path.name)
+              or np.isfinite(numbers[:, index]).any()]
+    again = _axis_again(numbers, header, axis, path.name)
     kept = [index for index in range(filled[-1] + 1) if index != axis and index not in again]
     names = [words.from_cell(header[index]) or f"column {index + 1}" for index in kept]
     if again:
         names = list(measurement_table.distinct(names))
-    column_facts = {} if "unit" in facts else _column_facts(table, kept, names, facts)
-    if "unit" not in facts and table.stated_y is not None:
-        quantity, unit = units.stated_values(table.stated_y, is_unit=True)
-        facts = {**({} if unit is None else {"unit": unit}),
-                 **({} if quantity is None else {"quantity": quantity}), **facts}
-    if text.startswith(SVC) and not table.header and columns == len(SVC_NAMES):
+    column_facts: dict[str, dict[str, str]] = {}
+    if "unit" not in facts:
+        percent = text_table.percent_columns(block)
+        column_facts = {name: stated for name, index in zip(names, kept, strict=True) if (
+            stated := _column_facts(header[index], unit_row[index], percent[index], facts))}
+        facts = _line_facts(lines) | facts
+    if text.startswith(SVC) and not stated_names and columns == len(SVC_NAMES):
         names, column_facts = list(SVC_NAMES[1:]), SVC_FACTS
     if header[0] == "W" and set(names) <= JAZ:
         column_facts = {name: {"unit": units.COUNTS} for name in names if name != "P"}
         if JAZ_IRRADIANCE in lines[0]:
             column_facts["P"] = {"unit": "uW cm-2 nm-1", "quantity": "irradiance"}
     main = _meant(names, column_facts)
-    nm = _wavelengths_nm(table, header, axis, path.name, [
+    stated_axis = unit_row[axis], header[axis], text_table.stated(lines, text_table.STATED_X)
+    nm = _wavelengths_nm(numbers[:, axis], stated_axis, path.name, [
         facts.get("unit"), *(stated.get("unit") for stated in column_facts.values())], axis_unit)
     return measurement_table.SpectralTable(
-        nm, tuple(names), table.numbers[:, kept].T.reshape(len(kept), nm.size), facts, path.name,
-        main, column_facts, table.notes)
+        nm, tuple(names), numbers[:, kept].T.reshape(len(kept), nm.size), facts, path.name,
+        main, column_facts, notes)
 
 
 def table_text(nm: np.ndarray, columns: dict[str, np.ndarray], *, quantity: Quantity,
@@ -258,19 +263,19 @@ def _axis_again(numbers: np.ndarray, header: list[str], axis: int, name: str) ->
     return again
 
 
-def _wavelengths_nm(table: text_table.TextTable, header: list[str], axis: int, name: str,
+def _wavelengths_nm(wavelengths: np.ndarray, texts: tuple[str, str, str | None], name: str,
                     value_units: list[str | None], said: str | None) -> np.ndarray:
-    """Wavelengths (P,) in nm by the unit that the table states nearest to its numbers.
+    """Wavelengths (P,) in nm by the unit that the table states nearest to its numbers: in the cell
+    of its unit, its name, or a line of its own.
 
     Raises
     ------
     InputError
         Naming every unit that is not understood.
     """
-    stated = [units.stated_axis(f"[{table.unit_row[axis].strip('[](){} ')}]")
-              if table.unit_row and axis < len(table.unit_row) else (None, None),
-              units.stated_axis(header[axis]) if header else (None, None),
-              units.stated_axis(table.stated_x or "", is_unit=True)]
+    cell, header, line = texts
+    stated = [units.stated_axis(f"[{cell.strip('[](){} ')}]"), units.stated_axis(header),
+              units.stated_axis(line or "", is_unit=True)]
     unit, unknown = next((each for each in stated if each != (None, None)), (None, None))
     if unknown is not None and said is None:
         faults = [f"its wavelength axis states {unknown!r}, which is not understood"]
@@ -279,7 +284,6 @@ def _wavelengths_nm(table: text_table.TextTable, header: list[str], axis: int, n
                    if text is not None and units.value_factor(text) is None]
         raise InputError(f"{name}: {'; '.join(faults)}; an axis in {', '.join(units.TO_NM)} is "
                          f"read: where it is one of these, say so: {units.remedy('um')}")
-    wavelengths = table.numbers[:, axis]
     if unit is None and said is None and np.nanmin(wavelengths, initial=np.inf) > MAX_FIRST_NM:
         raise InputError(f"{name} states no unit of its wavelengths, which go from "
                          f"{np.nanmin(wavelengths):g} to {np.nanmax(wavelengths):g}: say which it "
@@ -287,23 +291,27 @@ def _wavelengths_nm(table: text_table.TextTable, header: list[str], axis: int, n
     return units.axis_in_nm(wavelengths, unit, said, name)
 
 
-def _column_facts(table: text_table.TextTable, kept: list[int], names: list[str],
-                  facts: dict[str, str]) -> dict[str, dict[str, str]]:
-    """Quantity and unit of each column that its header, its unit or its cells state."""
-    result = {}
-    for index, name in zip(kept, names, strict=True):
-        quantity, unit = units.stated_values(table.header[index] if index < len(table.header)
-                                             else "")
-        if index < len(table.unit_row) and table.unit_row[index].strip():
-            unit = units.stated_values(f"[{table.unit_row[index].strip('[](){} ')}]",
-                                       is_unit=True)[1] or unit
-        if table.percent[index]:
-            unit = units.PERCENT
-        stated = {"unit": unit, "quantity": None if "quantity" in facts else quantity}
-        known = {key: value for key, value in stated.items() if value is not None}
-        if known:
-            result[name] = known
-    return result
+def _column_facts(header: str, unit_cell: str, percent: bool,
+                  facts: dict[str, str]) -> dict[str, str]:
+    """Quantity and unit of a column that its header, its unit or its cells state."""
+    quantity, unit = units.stated_values(header)
+    if unit_cell.strip():
+        unit = units.stated_values(f"[{unit_cell.strip('[](){} ')}]", is_unit=True)[1] or unit
+    if percent:
+        unit = units.PERCENT
+    return _known(unit, None if "quantity" in facts else quantity)
+
+
+def _line_facts(lines: list[str]) -> dict[str, str]:
+    """Quantity and unit of all values that a line of its own states."""
+    text = text_table.stated(lines, text_table.STATED_Y)
+    quantity, unit = (None, None) if text is None else units.stated_values(text, is_unit=True)
+    return _known(unit, quantity)
+
+
+def _known(unit: str | None, quantity: str | None) -> dict[str, str]:
+    stated = {"unit": unit, "quantity": quantity}
+    return {key: value for key, value in stated.items() if value is not None}
 
 
 def _meant(names: list[str], column_facts: dict[str, dict[str, str]]) -> str | None:

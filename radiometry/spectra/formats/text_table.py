@@ -9,7 +9,6 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -44,23 +43,8 @@ STATED_Y = re.compile(
     re.IGNORECASE)
 
 
-@dataclass(frozen=True)
-class TextTable:
-    """A table as it stands in a text: ``header`` and ``unit_row`` are empty where there are none;
-    ``percent`` says of which columns every cell ended in a sign of per cent.
-    """
-
-    numbers: np.ndarray         # (P, C), NaN where a cell holds none
-    header: list[str]
-    unit_row: list[str]
-    percent: list[bool]
-    stated_x: str | None        # of lines such as "X Units: ..."
-    stated_y: str | None
-    notes: tuple[str, ...]
-
-
 Layout = tuple[str, str]        # delimiter, decimal mark
-_Block = dict[int, list[str]]   # cells of each row, by the index of its line in the text
+Block = dict[int, list[str]]    # cells of each row, by the index of its line in the text
 
 
 def cells_of(line: str, delimiter: str) -> list[str]:
@@ -96,8 +80,8 @@ def axis_number(cell: str, decimal: str = ".") -> float:
     return number(re.sub(r"\s*nm$", "", cell, flags=re.IGNORECASE), decimal)
 
 
-def find_table(lines: Sequence[str], name: str) -> TextTable:
-    """The table of numbers of a text, with the names and units that stand above it.
+def find_table(lines: Sequence[str], name: str) -> tuple[Block, Layout, tuple[str, ...]]:
+    """The rows of the table of a text, its layout, and notes on other tables.
 
     Parameters
     ----------
@@ -111,11 +95,26 @@ def find_table(lines: Sequence[str], name: str) -> TextTable:
         If there is none, or a line within it is none of its rows.
     """
     layout, block = _longest_block(lines, name)
-    notes = _after_and_before(lines, block, layout, name)
-    width = max(len(row) for row in block.values())
-    header, unit_row = _header(lines, min(block), layout, width)
+    return block, layout, _after_and_before(lines, block, layout, name)
+
+
+def numbers_of(block: Block, layout: Layout, name: str) -> np.ndarray:
+    """Numbers (P, C) of a table, NaN where a cell holds none.
+
+    Parameters
+    ----------
+    block, layout
+        From ``find_table``.
+    name : str
+        Of the file, for errors.
+
+    Raises
+    ------
+    InputError
+        If it holds none beside its first column, or its decimal commas were taken for delimiters.
+    """
     decimal = layout[1]
-    numbers = np.full((len(block), width), np.nan)
+    numbers = np.full((len(block), max(len(row) for row in block.values())), np.nan)
     for row, cells in enumerate(block.values()):
         numbers[row, 0] = axis_number(cells[0], decimal)
         numbers[row, 1:len(cells)] = [number(cell, decimal) for cell in cells[1:]]
@@ -124,14 +123,12 @@ def find_table(lines: Sequence[str], name: str) -> TextTable:
                          f"first cells of its {len(numbers)} rows it holds no numbers")
     if layout == (",", "."):
         _refuse_split_decimals(block, name)
-    around = [line for index, line in enumerate(lines) if index not in block]
-    return TextTable(numbers, header, unit_row, _percent_columns(block, width),
-                     _stated(around, STATED_X), _stated(around, STATED_Y), notes)
+    return numbers
 
 
-def _longest_block(lines: Sequence[str], name: str) -> tuple[Layout, _Block]:
+def _longest_block(lines: Sequence[str], name: str) -> tuple[Layout, Block]:
     candidates = [index for index, line in enumerate(lines) if FIRST_NUMBER.match(line)]
-    best: tuple[Layout, _Block] | None = None
+    best: tuple[Layout, Block] | None = None
     best_score = 0.0
     for delimiter, decimal in LAYOUTS:
         if delimiter != BLANKS and not any(delimiter in lines[index] for index in candidates):
@@ -148,12 +145,12 @@ def _longest_block(lines: Sequence[str], name: str) -> tuple[Layout, _Block]:
 
 
 def _blocks(lines: Sequence[str], candidates: Sequence[int],
-            layout: Layout) -> list[tuple[_Block, float]]:
+            layout: Layout) -> list[tuple[Block, float]]:
     """Runs of rows in one layout, each with the sum of its numeric shares; empty lines and comment
     lines do not end one.
     """
-    blocks: list[tuple[_Block, float]] = []
-    rows: _Block = {}
+    blocks: list[tuple[Block, float]] = []
+    rows: Block = {}
     score = 0.0
     for index in candidates:
         cells = cells_of(lines[index], layout[0])
@@ -170,7 +167,7 @@ def _blocks(lines: Sequence[str], candidates: Sequence[int],
     return [*blocks, (rows, score)] if rows else blocks
 
 
-def _without_edges(block: _Block, decimal: str) -> _Block:
+def _without_edges(block: Block, decimal: str) -> Block:
     """A block without lines of numbers of the preamble right above it, or of a trailer below.
 
     They have another number of cells, or lie against the order of the axis or far off it.
@@ -203,7 +200,7 @@ def _numeric_share(cells: Sequence[str], decimal: str) -> float:
     return (1 + sum(values)) / len(cells) if any(values) else 0.01
 
 
-def _after_and_before(lines: Sequence[str], block: _Block, layout: Layout,
+def _after_and_before(lines: Sequence[str], block: Block, layout: Layout,
                       name: str) -> tuple[str, ...]:
     """Notes on other tables of the text.
 
@@ -242,11 +239,19 @@ def _after_and_before(lines: Sequence[str], block: _Block, layout: Layout,
     return tuple(notes[:3])
 
 
-def _header(lines: Sequence[str], first: int, layout: Layout,
-            width: int) -> tuple[list[str], list[str]]:
-    """Names of the columns and the row of their units, of the lines above the numbers."""
+def names_and_units(lines: Sequence[str], block: Block,
+                    layout: Layout) -> tuple[list[str], list[str]]:
+    """Names of the columns and the row of their units, of the lines above the numbers; empty where
+    there are none.
+
+    Parameters
+    ----------
+    lines : sequence of str
+    block, layout
+        From ``find_table``.
+    """
     rows: list[list[str]] = []
-    index = first - 1
+    index, width = min(block) - 1, max(len(row) for row in block.values())
     while index >= 0 and len(rows) < HEADER_ROWS:
         line = lines[index]
         index -= 1
@@ -302,7 +307,7 @@ def _is_unit_row(cells: Sequence[str]) -> bool:
                or units.stated_values(f"[{cell.strip()}]")[1] is not None for cell in cells[1:])
 
 
-def _refuse_split_decimals(block: _Block, name: str) -> None:
+def _refuse_split_decimals(block: Block, name: str) -> None:
     """Refuse decimal commas between commas: 400,0,05012 reads as 5012."""
     split = next((cell for row in block.values() for cell in row[1:]
                   if re.fullmatch(r"0\d+", cell)), None)
@@ -311,12 +316,15 @@ def _refuse_split_decimals(block: _Block, name: str) -> None:
                          "the commas between columns; export with semicolons or decimal points")
 
 
-def _percent_columns(block: _Block, width: int) -> list[bool]:
+def percent_columns(block: Block) -> list[bool]:
+    """Of which columns of a table every cell ends in a sign of per cent."""
+    width = max(len(row) for row in block.values())
     columns = [[row[column] for row in block.values() if column < len(row)
                 and row[column].lower() not in MISSING] for column in range(width)]
     return [bool(cells) and all(cell.endswith("%") for cell in cells) for cells in columns]
 
 
-def _stated(lines: Sequence[str], pattern: re.Pattern[str]) -> str | None:
+def stated(lines: Sequence[str], pattern: re.Pattern[str]) -> str | None:
+    """What the first line such as "X Units: ..." states, by ``STATED_X`` or ``STATED_Y``."""
     return next((match[1].strip() for line in lines if (match := pattern.match(line))
                  and match[1].strip()), None)
