@@ -167,7 +167,7 @@ def test_a_pixel_is_what_a_region_of_one_pixel_gives_however_many_rows_are_read(
     assert finished.states["picture"] == "run"
     assert finished.states["calibrate"] == ("run" if more else "kept")
     once = {name: stored(session, name)[0] for name in finished.records.picture.files}
-    summary = finished.records.sample.spectra["dot"]
+    summary = finished.records.spectra["dot"]
     # means of 16 000 draws: 4 sigma are 0.03 of their spread; rounding of half floats adds to it
     nm = np.arange(400, 701, 10)
     mean, width = (np.interp(nm, summary.grid.nm, values)
