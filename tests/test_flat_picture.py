@@ -127,7 +127,9 @@ def test_a_photo_through_a_filter_brings_pixels_nearer_to_their_surfaces(_finish
     """Also where it was moved, by one and a half pixels: there edges are left to the first photo.
     """
     write_toml(session, WHOLE, VIEWS[view])
-    photos, fewer = run(session).records.picture.findings
+    picture = run(session).records.picture
+    photos, fewer = picture.findings
+    assert "mask.png" not in picture.files      # that says why pixels of scenes have no spectrum
     assert (photos.code, photos.values["bands"]) == ("picture.photos", 6)
     assert fewer.code == "picture.fewer-photos"
     (before, _), (off, held) = off_and_held(_finished_picture[0]), off_and_held(session)

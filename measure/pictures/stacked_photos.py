@@ -1,9 +1,8 @@
 """Photos of one flat sample under several lights or filters, as one photo of all their bands.
 
 Each photo has its own white, field of light and clipped pixels, and is left out where it is clipped
-or dark. Photos of one response are
-averaged, as `measure/regions/flat_signals.py` averages their regions, and errors that photos
-under one lamp have in common are those of regions.
+or dark. Photos of one response are averaged, as `measure/regions/flat_signals.py` averages their
+regions, and errors that photos under one lamp have in common are those of regions.
 """
 from __future__ import annotations
 

@@ -183,7 +183,7 @@ class StoredStage:
             with opened_arrays(self.folder / ARRAYS) as arrays:
                 record: T = unpack(kind, node, arrays)
                 return record
-        except (KeyError, TypeError, ValueError) as error:
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise errors.InputError(f"the stored results of stage {self.folder.name} are damaged "
                              f"({error!r}): remove {self.folder} and run again") from None
 
