@@ -41,13 +41,13 @@ from spectrabox.measure.captured import (
     InputFile,
     LitChart,
     PhotoFiles,
-    Region,
     SceneCapture,
+    Surface,
     View,
 )
 from spectrabox.measure.chart_patches import edition_in_photo
 from spectrabox.measure.estimate import Estimate
-from spectrabox.measure.records import KeptRecord
+from spectrabox.measure.records import KeptRecord, Record
 from spectrabox.measure.shoot.options import Sampling
 from spectrabox.measure.steps.measurement import MemoryKeeper, measure
 from spectrabox.radiometry.chart import Chart, chart_reflectances
@@ -57,7 +57,6 @@ from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.grid import FINE_GRID
 from spectrabox.radiometry.records.photos import LinearImage, PhotoKind
 from spectrabox.radiometry.records.spectra import Quantity, Spectrum, UnknownLight
-from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.filters import stated_filter, unknown_filter
 from spectrabox.radiometry.spectra.named_spectra import light as named_light
 from spectrabox.session.config.session_file import read_session
@@ -128,7 +127,7 @@ def drawn_case(seed: int) -> Case:
     return Case(capture, "; ".join(said), surfaces)
 
 
-def _words(regions: Mapping[str, Region]) -> str:
+def _words(regions: Mapping[str, Surface]) -> str:
     """What is stated of regions."""
     return ", ".join(f"{name}{' ' + region.surface if region.surface else ''}"
                      f"{' known' if region.known is not None else ''}"
@@ -226,7 +225,7 @@ def _surfaces(rng: np.random.Generator) -> np.ndarray:
     return paints
 
 
-def _regions(rng: np.random.Generator, surfaces: np.ndarray) -> dict[str, Region]:
+def _regions(rng: np.random.Generator, surfaces: np.ndarray) -> dict[str, Surface]:
     """Regions on some places, of which something may be stated."""
     count = int(rng.integers(1, 5)) if rng.random() < 0.9 else len(PLACES)
     regions = {}
@@ -239,7 +238,7 @@ def _regions(rng: np.random.Generator, surfaces: np.ndarray) -> dict[str, Region
         surface = str(rng.choice(("matt", "satin", "glossy"))) if rng.random() < 0.3 else None
         given = bool(regions) and rng.random() < 0.15
         truth = Spectrum(FINE_GRID, np.clip(surfaces[number], 0, 1), Quantity.REFLECTANCE, "truth")
-        regions[f"place{number}"] = Region(
+        regions[f"place{number}"] = Surface(
             families, surface, np.clip(surfaces[number], 0, 1) if given else None,
             truth if rng.random() < 0.3 else None, outline=outline)
     return regions
@@ -323,8 +322,8 @@ def extras_of(spectra: FlatSpectra | SceneSpectra,
     yield "text", spectra.text
     yield "repr", lambda: repr(spectra) + spectra._repr_html_()
     yield "methods", lambda: spectra.methods
-    if "" in records.chart.charts:
-        chart = records.chart.charts[""]
+    if "" in records.charts:
+        chart = records.charts[""]
         yield "edition", lambda: _raised(edition_in_photo(chart.thumbnail, capture.layout,
                                                           chart.samples).failed)
     names = [name for name, one in spectra.items() if one.given is None]

@@ -94,7 +94,7 @@ def regions_toml(width: int) -> str:
 
 def judged(finished: FinishedRun, surfaces: np.ndarray) -> dict[str, float]:
     """RMSE, coverage and width of the bands of one session that was run."""
-    return _figures((finished.records.sample.spectra[name], surfaces[int(name[1:])])
+    return _figures((finished.records.spectra[name], surfaces[int(name[1:])])
                     for name in finished.records.signals.names)
 
 

@@ -152,8 +152,9 @@ def signals_of_run(run: FinishedRun) -> tuple[np.ndarray, np.ndarray, np.ndarray
     records = run.records
     assert records.calibrate.chart is not None
     field = records.calibrate.chart.irradiance
-    return (records.chart.charts[""].samples.mean, records.photo.regions[""].mean,
-            field / np.exp(np.log(field).mean()), records.flat_signals.light[""].level)
+    return (records.charts[""].samples.mean, records.photo.regions[""].mean,
+            field / np.exp(np.log(field).mean()),
+            np.array([level for level, _ in records.flat_signals.light[""].values()]))
 
 
 def judged(case: FlatCase) -> dict[str, dict[str, float]]:
@@ -175,7 +176,7 @@ def judged(case: FlatCase) -> dict[str, dict[str, float]]:
 
 
 def _mean(run: FinishedRun, name: str) -> tuple[np.ndarray, np.ndarray]:
-    summary = run.records.sample.spectra[name]
+    summary = run.records.spectra[name]
     return summary.grid.nm, summary.mean
 
 

@@ -145,8 +145,8 @@ def scores(folder: Path, scene: Scene) -> list[dict[str, Any]]:
     finished = run_stages(read_session(folder), device="cpu", only=None, force=False,
                           progress=lambda *_: None)
     rows = []
-    for name in finished.records.sample.spectra:
-        known, number = finished.records.sample.spectra[name], int(name[1:])
+    for name in finished.records.spectra:
+        known, number = finished.records.spectra[name], int(name[1:])
         true = np.interp(known.grid.nm, NM, scene.surfaces[number])
         rows.append({"set": scene.sets[number],
                      "rmse": float(np.sqrt(np.mean((known.mean - true) ** 2))),

@@ -89,9 +89,9 @@ def main() -> None:
                     errors = colour_errors(transform, truth, surfaces, PRIOR_GRID)
                     found.setdefault((by, of), []).append(
                         [float(errors.mean()), float(np.percentile(errors, 95))])
-            stated, (true, _) = profile.errors[TABLE][FRESH], found[TABLE, FRESH][-1]
-            assert stated.mean_spread is not None
-            inside.append(abs(stated.mean - true) < 2 * stated.mean_spread)
+            stated, (true, _) = profile.errors[TABLE][FRESH]["mean"], found[TABLE, FRESH][-1]
+            assert stated.standard_deviation is not None
+            inside.append(abs(stated.value - true) < 2 * stated.standard_deviation)
         better = [np.mean(np.array(found[TABLE, of])[:, 0] < np.array(found[STATED, of])[:, 0])
                   for of in sets]
         print(f"{lamp}, {len(inside)} cameras; table nearer than own matrix on "

@@ -217,22 +217,16 @@ class SceneView(View):
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """What is stated of a surface, such as a material of a scene."""
+    """What is stated of a surface: a material of a scene, or a region of a flat sample."""
 
     families: tuple[str, ...] = ()          # that it is one of; none where nobody said
     surface: str | None = None              # "matt", "satin" or "glossy"
     known: np.ndarray | None = None         # (P,) measured reflectance, which is not estimated
     truth: spectra.Spectrum | None = None           # measured, only compared with
-    bsdf: str = ""                          # of a material of a scene: id of its BSDF there
-
-
-@dataclass(frozen=True, eq=False)
-class Region(Surface):
-    """A region of a flat sample."""
-
-    outline: Outline = ()
-    photos: tuple[str, ...] = ()            # titles of views that show it; none stands for all
-    known_error: float = READ_ERROR         # relative standard error of ``known``
+    bsdf: str = ""                          # of a material: id of its BSDF in the scene
+    outline: Outline = ()                   # of a region
+    photos: tuple[str, ...] = ()            # likewise, titles of views that show it; none for all
+    known_error: float = READ_ERROR         # likewise, relative standard error of ``known``
 
 
 def error_of_known(known: spectra.Spectrum) -> float:
@@ -318,7 +312,7 @@ class Capture(ABC):
     def surfaces(self) -> Mapping[str, Surface]:
         """What is measured, by name."""
 
-    def regions_in(self, view: View) -> Mapping[str, Region]:
+    def regions_in(self, view: View) -> Mapping[str, Surface]:
         """The regions that the photo of a view shows; a scene has none."""
         return {}
 
@@ -377,7 +371,7 @@ class Capture(ABC):
 class FlatCapture(Capture):
     """Photos of a flat sample, each with a colour chart or under the light of one that has."""
 
-    regions: Mapping[str, Region]
+    regions: Mapping[str, Surface]
 
     one_tripod: ClassVar[bool] = True
     bands_may_drop: ClassVar[bool] = True
@@ -386,7 +380,7 @@ class FlatCapture(Capture):
     def surfaces(self) -> Mapping[str, Surface]:
         return self.regions
 
-    def regions_in(self, view: View) -> dict[str, Region]:
+    def regions_in(self, view: View) -> dict[str, Surface]:
         """The regions that the photo of a view shows."""
         return {name: region for name, region in self.regions.items()
                 if not region.photos or view.title in region.photos}

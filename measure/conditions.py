@@ -19,7 +19,6 @@ from spectrabox.radiometry.chart import COPIES_SINCE_2014, Chart
 from spectrabox.radiometry.findings import Finding, Severity
 
 if TYPE_CHECKING:
-    from spectrabox.measure.regions.moved_lamp import InPlace
     from spectrabox.measure.results import capture_result, flat_result, scene_result
     from spectrabox.measure.results.surface_result import SurfaceResult
 
@@ -178,13 +177,13 @@ def _by_cards(result: flat_result.FlatResult) -> str:
 
 
 def _by_moved_lamp(result: capture_result.CaptureResult, fault: float,
-                   error_in: Callable[[InPlace], float]) -> tuple[str, str, float | None]:
+                   error_in_place: str) -> tuple[str, str, float | None]:
     """Whether photos with the lamp moved would show a fault, as their errors of every sample say:
     standing, how it is known, and the error of the worst sample in its worst place.
 
     A shadow of 10 % in one of two photos raises that error from .03 to .05, though it is not named.
     """
-    errors = [max((error_in(place) for place in surface.places), default=np.inf)
+    errors = [max((place[error_in_place] for place in surface.places), default=np.inf)
               for surface in result.surfaces if not surface.known]
     error = max(errors, default=np.inf) if result.stated.lamp_moved else np.inf
     if not np.isfinite(error):
@@ -193,7 +192,7 @@ def _by_moved_lamp(result: capture_result.CaptureResult, fault: float,
 
 
 def _plane(result: flat_result.FlatResult) -> Finding:
-    standing, known_by, error = _by_moved_lamp(result, DARKER_FAULT, lambda one: one.level_error)
+    standing, known_by, error = _by_moved_lamp(result, DARKER_FAULT, "level_error")
     if standing is ASSUMED and _cards(result)[1]:
         standing, known_by = _by_cards(result), "known-beside"
     if error is None:
@@ -205,7 +204,7 @@ def _plane(result: flat_result.FlatResult) -> Finding:
 
 def _gloss(result: capture_result.CaptureResult, code: str) -> Finding:
     words, surfaces = _surface_words(result.stated), result.surfaces
-    standing, known_by, error = _by_moved_lamp(result, GLOSS_FAULT, lambda one: one.gloss_error)
+    standing, known_by, error = _by_moved_lamp(result, GLOSS_FAULT, "gloss_error")
     if standing is ASSUMED and words:
         standing, known_by = STATED, "surfaces-stated"
     elif error is None:
@@ -228,7 +227,7 @@ def _surface_words(stated: captured.Capture) -> list[str]:
 
 
 def _shadow(result: flat_result.FlatResult) -> Finding:
-    standing, known_by, error = _by_moved_lamp(result, DARKER_FAULT, lambda one: one.level_error)
+    standing, known_by, error = _by_moved_lamp(result, DARKER_FAULT, "level_error")
     return condition("condition.shadow", standing, known_by, error=error, fault="dimmer",
                      fault_size=DARKER_FAULT, lightness=darker_by(result.surfaces, DARKER_FAULT))
 

@@ -1,4 +1,6 @@
-"""What each step of a measurement makes: one record a step, which is kept and read as a whole."""
+"""What each step of a measurement makes, which is kept and read as a whole: one record a step, or
+records by the names of views or surfaces.
+"""
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -11,13 +13,14 @@ import numpy as np
 
 from spectrabox.measure import captured, texts
 from spectrabox.measure.pictures import pixel_flags
+from spectrabox.radiometry import shaped
 from spectrabox.radiometry.findings import Finding, each_once
 from spectrabox.radiometry.records import calibration, scenes
 from spectrabox.radiometry.records import photos as photo_records
 from spectrabox.radiometry.records.spectra import SpectrumSummary, SurfaceSignals
-from spectrabox.radiometry.shaped import Record
 
 Kind = TypeVar("Kind")
+Record = shaped.Record | Mapping[str, shaped.Record]    # of a step
 
 CALIBRATED = "calibrated"   # name of a photo's picture in the colours of its calibration
 
@@ -32,26 +35,19 @@ class KeptRecord(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class MeasuredChart(Record):
-    """The chart in one photo."""
+class MeasuredChart(shaped.Record):
+    """The chart in one photo; the step "chart" makes one for each view that has it."""
 
     detection: photo_records.ChartDetection
     samples: photo_records.PatchSamples
     thumbnail: photo_records.LinearImage        # of the photo, for its exposure and source
     light: Annotated[np.ndarray, "I"]           # on the patches, as it changes evenly over them
     findings: tuple[Finding, ...] = ()          # of the photo
+    of_files: tuple[Finding, ...] = ()          # likewise, of its files and bands
 
 
 @dataclass(frozen=True, eq=False)
-class ChartRecords(Record):
-    """What the step "chart" makes."""
-
-    charts: dict[str, MeasuredChart]            # by view
-    findings: tuple[Finding, ...]               # of files and bands
-
-
-@dataclass(frozen=True, eq=False)
-class PhotoRecords(Record):
+class PhotoRecords(shaped.Record):
     """What the step "photo" makes."""
 
     photos: dict[str, photo_records.LinearImage]  # by view, at the render's size or thumbnails
@@ -64,7 +60,7 @@ class PhotoRecords(Record):
 
 
 @dataclass(frozen=True, eq=False)
-class ChartFit(Record):
+class ChartFit(shaped.Record):
     """The first chart photo as it was used, and how the calibration explains it."""
 
     detection: photo_records.ChartDetection
@@ -84,7 +80,7 @@ class ChartFit(Record):
 
 
 @dataclass(frozen=True, eq=False)
-class CalibrationRecords(Record):
+class CalibrationRecords(shaped.Record):
     """What the step "calibrate" makes."""
 
     calibrations: dict[str, calibration.Calibration]        # by view, every one
@@ -98,7 +94,7 @@ class CalibrationRecords(Record):
 
 
 @dataclass(frozen=True, eq=False)
-class ReconstructionRecords(Record):
+class ReconstructionRecords(shaped.Record):
     """What the step "reconstruct" makes of a scene."""
 
     joint: scenes.JointReconstruction
@@ -111,34 +107,21 @@ class ReconstructionRecords(Record):
 
 
 @dataclass(frozen=True, eq=False)
-class RegionLight(Record):
-    """The light on the regions of one photo of flat samples."""
-
-    level: Annotated[np.ndarray, "R"]           # relative to the chart's mean
-    error: Annotated[np.ndarray, "R"]           # relative
-    # of known regions that tell of the light, by name, in standard errors
-    level_misfits: dict[str, float]
-    over_photo: Annotated[np.ndarray, "2 H W"]  # level and error
-
-
-@dataclass(frozen=True, eq=False)
-class SignalRecords(Record):
+class SignalRecords(shaped.Record):
     """What the step "signals" makes of flat samples."""
 
     signals: SurfaceSignals
-    light: dict[str, RegionLight]               # by view, where it shows regions
+    # by view that shows regions, of each: the light relative to the chart's mean, and its relative
+    # error
+    light: dict[str, dict[str, tuple[float, float]]]
+    # by the same, of known regions that tell of the light: in standard errors
+    level_misfits: dict[str, dict[str, float]]
+    light_maps: dict[str, np.ndarray]           # by the same: light and error (2, H, W) over it
     findings: tuple[Finding, ...] = ()          # of samples in photos with the lamp moved
 
 
 @dataclass(frozen=True, eq=False)
-class SampleRecords(Record):
-    """What the step "sample" makes."""
-
-    spectra: dict[str, SpectrumSummary]         # by surface, those that are not known
-
-
-@dataclass(frozen=True, eq=False)
-class PictureRecords(Record):
+class PictureRecords(shaped.Record):
     """What the step "picture" makes beside its files; shares are of the pixels."""
 
     files: tuple[str, ...]                      # names in the stage's folder
@@ -190,11 +173,9 @@ class CaptureRecords:
         return kept.read(kind) if isinstance(kept, KeptRecord) else cast(Kind, kept)
 
     @cached_property
-    def chart(self) -> ChartRecords:
-        """Without charts where none is needed."""
-        if "chart" not in self._kept:
-            return ChartRecords({}, ())
-        return self._read("chart", ChartRecords)
+    def charts(self) -> dict[str, MeasuredChart]:
+        """By view, those that have a chart; none where none is needed."""
+        return self._read("chart", dict[str, MeasuredChart]) if "chart" in self._kept else {}
 
     @cached_property
     def photo(self) -> PhotoRecords:
@@ -215,8 +196,9 @@ class CaptureRecords:
         return self._read("signals", SignalRecords)
 
     @cached_property
-    def sample(self) -> SampleRecords:
-        return self._read("sample", SampleRecords)
+    def spectra(self) -> dict[str, SpectrumSummary]:
+        """By surface, those that are not known."""
+        return self._read("sample", dict[str, SpectrumSummary])
 
     @cached_property
     def picture(self) -> PictureRecords | None:
@@ -233,7 +215,8 @@ class CaptureRecords:
         """What the steps up to the signals found, each once, but what is with a chart or a fit."""
         of_signals = self.flat_signals.findings if "signals" in self._kept else ()
         of_scene = self.reconstruct.findings if "reconstruct" in self._kept else ()
-        return each_once((*self.chart.findings, *self.photo.findings, *of_signals, *of_scene))
+        of_charts = (one for chart in self.charts.values() for one in chart.of_files)
+        return each_once((*of_charts, *self.photo.findings, *of_signals, *of_scene))
 
     def calibrations(self, views: tuple[captured.View, ...]) -> list[calibration.Calibration]:
         """The calibration of every view, in their order."""

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from spectrabox.measure.records import CaptureRecords
+from spectrabox.measure.records import CaptureRecords, Record
 from spectrabox.measure.steps import declared_steps, measurement
-from spectrabox.radiometry import errors, shaped
+from spectrabox.radiometry import errors
 from spectrabox.radiometry.records.spectra import Progress
 from spectrabox.session.config.session_file import SessionConfig
 from spectrabox.session.kept_stages import FinishedRun
@@ -71,7 +71,7 @@ class FolderKeeper:
         return self.finished.records
 
     def keep(self, step: declared_steps.Step,
-             compute: Callable[[Progress, Path | None], shaped.Record]) -> None:
+             compute: Callable[[Progress, Path | None], Record]) -> None:
         """The step's record as it is stored, if that is up to date; else as it is computed now."""
         name, key = step.name, self._keys[step.name]
         stored = record_files.load_stage(self._config.results_folder, name)
@@ -121,7 +121,7 @@ class FolderKeeper:
         assert stored is not None
         return stored
 
-    def _compute(self, name: str, compute: Callable[[Progress, Path | None], shaped.Record],
+    def _compute(self, name: str, compute: Callable[[Progress, Path | None], Record],
                  folder: Path) -> None:
         """Compute the record of a step and save it into a folder."""
         start = time.perf_counter()

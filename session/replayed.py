@@ -126,7 +126,7 @@ def relight(run: kept_stages.FinishedRun, *, light: str | None, observer: str,
     grid = joint.grid
     power = light_by_itself(calibration, grid) if light is None else named_light(light, grid)
     matching = named_observer(observer, grid)
-    spectra = {name: spectrum if known else records.sample.spectra[name].draws
+    spectra = {name: spectrum if known else records.spectra[name].draws
                for name, known, spectrum in zip(joint.materials, joint.known, joint.spectra,
                                                 strict=True)}
     start_mitsuba(device)

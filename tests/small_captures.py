@@ -11,7 +11,7 @@ from spectrabox.measure.captured import (
     SceneView,
 )
 from spectrabox.measure.opened_photos import OpenPhotos
-from spectrabox.measure.records import CaptureRecords, ChartRecords, MeasuredChart, PhotoRecords
+from spectrabox.measure.records import CaptureRecords, MeasuredChart, PhotoRecords
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.findings import Finding, Severity
@@ -53,11 +53,6 @@ def measured_chart(samples=None, thumbnail=None):
     """A chart of these patches in even light."""
     return MeasuredChart(ChartDetection(np.zeros((24, 4, 2)), 1.0, False, GIVEN_CORNERS), samples,
                          thumbnail or image(), np.ones(24))
-
-
-def chart_records(charts):
-    """Charts by the names of their views."""
-    return ChartRecords(charts, ())
 
 
 def photo_records(*names, thumbnail=None):

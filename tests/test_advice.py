@@ -10,7 +10,7 @@ from flat_example import rect_of, write_flat
 import spectrabox as sb
 from spectrabox.measure.advice.advice import HOW_TO, TIMES, advice, advised, ranked
 from spectrabox.measure.advice.advise import advice_on_capture, usual_at_hand
-from spectrabox.measure.advice.flat_actions import flat_photos_of, with_level
+from spectrabox.measure.advice.flat_actions import FlatPhotos, with_level
 from spectrabox.measure.advice.forecast import (
     COLOUR,
     WIDTH,
@@ -58,10 +58,10 @@ def unknown_of(result, name):
     """A surface of a result, as it is known now."""
     capture, records = result.found.advise.args
     signals = alone(records.signals, records.signals.names.index(name))
-    found = records.sample.spectra[name]
+    found = records.spectra[name]
     return Unknown(load_prior(), 0.95, signals, found.samples.spectra.mean(axis=0),
                    found.states.mean, np.ones(2), np.ones(2),
-                   550.0), flat_photos_of(capture, records)
+                   550.0), FlatPhotos(capture, records)
 
 
 def outlook_now(unknown):

@@ -83,15 +83,17 @@ def test_held_colours_are_nearer_than_by_the_cameras_own_matrix():
                     [-0.0893, 0.1796, 0.6872]])
     errors = colour_profile(response_of(), None, ["paint"], own).errors
     for of in errors[STATED]:
-        assert errors[TABLE][of].mean < errors[MATRIX][of].mean < 0.6 * errors[STATED][of].mean
-    assert FRESH in errors[TABLE] and errors[TABLE][FRESH].mean_spread is None
+        by_table, by_matrix, by_own = (errors[by][of]["mean"].value
+                                       for by in (TABLE, MATRIX, STATED))
+        assert by_table < by_matrix < 0.6 * by_own
+    assert FRESH in errors[TABLE] and errors[TABLE][FRESH]["mean"].standard_deviation is None
 
 
 def test_the_spread_of_an_error_follows_that_of_the_curves():
     tilt = np.random.default_rng(3).standard_normal((40, 3, 1)) * (GRID.nm - 550) / 150
     spreads = [colour_profile(response_of(), response_of_curves(
         sensitivities(CAMERA, GRID) * (1 + size * tilt), light("LED-B3", GRID),
-        GRID)).errors[MATRIX][FRESH].mean_spread for size in (0.005, 0.02)]
+        GRID)).errors[MATRIX][FRESH]["mean"].standard_deviation for size in (0.005, 0.02)]
     assert 0 < spreads[0] < spreads[1]
 
 
@@ -203,7 +205,8 @@ def test_a_fitted_camera_gives_its_profile_with_spreads(_captured, tmp_path):
                            light=_captured / "spectra" / "light.csv")
     profile = camera.colour_profile("paint")
     for one in profile.errors[TABLE].values():
-        assert 0 < one.mean_spread < one.mean < one.percentile_95
+        mean = one["mean"]
+        assert 0 < mean.standard_deviation < mean.value < one["percentile_95"].value
     np.testing.assert_allclose(profile.lab(np.ones(3)), [100, 0, 0], atol=1e-9)
     assert profile.save(tmp_path / "a.icc", "demo") == (tmp_path / "a.icc",)
     with pytest.raises(sb.InputError, match=r"ends in \.icc, \.clf, \.ocio"):
@@ -299,7 +302,7 @@ def test_flat_samples_in_python_give_the_profile_of_the_command(painting):
     errors = result.colour_profile("paint").errors[TABLE]
     for of, stated in facts["delta_e00"][TABLE].items():
         # the same chart and prior; the session's white card has no part in the profile
-        assert errors[of].mean == pytest.approx(stated["mean"]["value"], rel=1e-6)
+        assert errors[of]["mean"].value == pytest.approx(stated["mean"]["value"], rel=1e-6)
 
 
 def test_the_page_for_the_archive_states_limits_and_claims_no_more(painting):

@@ -18,7 +18,6 @@ from spectrabox.measure.conditions import (
     emitted,
     exponent_of_greys,
 )
-from spectrabox.measure.regions.moved_lamp import InPlace
 from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.radiometry.appearance import delta_e00, reflectance_to_lab
 from spectrabox.radiometry.chart import CLASSIC
@@ -68,8 +67,9 @@ def test_a_lamp_that_moved_measures_gloss_where_its_error_would_show_a_fault(
     moved = with_found(results, stated=stated_scene(moved="photo")).found
     # a photo that shows none of the samples with the lamp elsewhere measures nothing
     assert condition(moved, "scene-gloss").values["standing"] == "assumed"
-    monkeypatch.setattr(SurfaceResult, "places", (
-        InPlace("photo", 0.0, 0.004, 0.0, 0.03), InPlace("b", 0.0, error, 0.0, 0.03)))
+    monkeypatch.setattr(SurfaceResult, "places", [
+        {"photo": photo, "gloss": 0.0, "gloss_error": gloss_error, "level": 0.0,
+         "level_error": 0.03} for photo, gloss_error in (("photo", 0.004), ("b", error))])
     moved = with_found(results, stated=stated_scene(moved="photo")).found
     gloss = condition(moved, "scene-gloss").values
     assert gloss["standing"] == standing and gloss["error"] == error

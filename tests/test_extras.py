@@ -14,7 +14,7 @@ from session_runs import call
 
 import spectrabox as sb
 from spectrabox.measure import texts
-from spectrabox.measure.advice.flat_actions import flat_photos_of, with_lamp_moved, with_level
+from spectrabox.measure.advice.flat_actions import FlatPhotos, with_lamp_moved, with_level
 from spectrabox.measure.advice.forecast import Unknown, outlook_after
 from spectrabox.measure.extras import attempt
 from spectrabox.measure.regions.flat_signals import flat_signals
@@ -261,16 +261,16 @@ def test_a_black_surface_gets_advice(cube):
     capture, records = cube
     signals = records.signals
     black = replace(signals, signal=-1e-4 * np.ones_like(signals.signal))
-    states = records.sample.spectra["cube"].states
+    states = records.spectra["cube"].states
     unknown = Unknown(load_prior(), 0.95, black, np.full(PRIOR_GRID.nm.size, 0.01), states.mean,
                       np.ones(2), np.ones(2), 550.0)
     assert with_level(unknown) is unknown
-    after = with_lamp_moved(flat_photos_of(capture, records), "cube")
+    after = with_lamp_moved(FlatPhotos(capture, records), "cube")
     assert np.isfinite(outlook_after(with_level(unknown), after)).all()
 
 
 def test_a_region_that_no_photo_shows_in_any_band_is_refused_by_name(cube):
-    sample = flat_photos_of(*cube)
+    sample = FlatPhotos(*cube)
     (photo,) = sample.photos
     white = white_at_regions(photo, {}, sample.errors)
     clipped = replace(white, samples=replace(white.samples, clipped=np.ones((1, 3), bool)))

@@ -76,7 +76,7 @@ def errors_and_cover(finished):
     """RMSE and the share inside the band, of every paint."""
     found = []
     for name in PAINTS:
-        summary = finished.records.sample.spectra[name]
+        summary = finished.records.spectra[name]
         truth = np.interp(summary.grid.nm, NM, paint(name)[1])
         found.append([np.sqrt(np.mean((summary.mean - truth)**2)),
                       np.mean((summary.lower <= truth) & (truth <= summary.upper)),
@@ -363,7 +363,7 @@ def test_photos_that_moved_are_measured_where_they_show_the_regions(tmp_path):
 def unknown_lamp(tmp_path_factory):
     """A session of one photo under a lamp that nobody knows, and its spectra."""
     folder = write_unknown(tmp_path_factory.mktemp("unknown") / "session", {})
-    return folder, run(folder).records.sample.spectra
+    return folder, run(folder).records.spectra
 
 
 @pytest.mark.parametrize("said", ["spectra/filter.csv", "unknown"])
@@ -380,7 +380,7 @@ def test_a_filter_adds_three_bands_under_a_light_that_nobody_knows(tmp_path, unk
     # 24 signals of which those of one region are nearly one: 4 sigma
     assert np.abs(off[np.isfinite(off)]).max() < 4
     width, before = (np.mean([spectra[name].upper - spectra[name].lower
-                              for name in PAINTS]) for spectra in (records.sample.spectra, one))
+                              for name in PAINTS]) for spectra in (records.spectra, one))
     assert width < before
     if said == "unknown":
         return

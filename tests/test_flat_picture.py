@@ -127,7 +127,9 @@ def test_a_photo_through_a_filter_brings_pixels_nearer_to_their_surfaces(_finish
     """Also where it was moved, by one and a half pixels: there edges are left to the first photo.
     """
     write_toml(session, WHOLE, VIEWS[view])
-    photos, fewer = run(session).records.picture.findings
+    picture = run(session).records.picture
+    photos, fewer = picture.findings
+    assert "mask.png" not in picture.files      # that says why pixels of scenes have no spectrum
     assert (photos.code, photos.values["bands"]) == ("picture.photos", 6)
     assert fewer.code == "picture.fewer-photos"
     (before, _), (off, held) = off_and_held(_finished_picture[0]), off_and_held(session)
@@ -167,7 +169,7 @@ def test_a_pixel_is_what_a_region_of_one_pixel_gives_however_many_rows_are_read(
     assert finished.states["picture"] == "run"
     assert finished.states["calibrate"] == ("run" if more else "kept")
     once = {name: stored(session, name)[0] for name in finished.records.picture.files}
-    summary = finished.records.sample.spectra["dot"]
+    summary = finished.records.spectra["dot"]
     # means of 16 000 draws: 4 sigma are 0.03 of their spread; rounding of half floats adds to it
     nm = np.arange(400, 701, 10)
     mean, width = (np.interp(nm, summary.grid.nm, values)

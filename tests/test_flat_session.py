@@ -79,7 +79,7 @@ def test_signals_are_those_of_the_paints_wherever_the_light_falls_off(flat_and_r
 
 
 def light_errors(finished):
-    return dict(zip(PAINTS, finished.records.flat_signals.light[""].error, strict=True))
+    return {name: error for name, (_, error) in finished.records.flat_signals.light[""].items()}
 
 
 def test_the_light_is_known_worse_away_from_the_chart(flat_and_records):
@@ -142,9 +142,9 @@ def test_a_flat_field_under_the_same_light_leaves_it_even(flat_session):
     (flat_session / "session.toml").write_text(HEAD.replace(
         "[light]", 'flat = "photos/flat.dng"\n[light]') + regions_toml(), encoding="utf-8")
     finished = run(flat_session)
-    light = finished.records.flat_signals.light[""]
-    np.testing.assert_allclose(light.level, 1, atol=0.02)   # twice what a card is taken to leave
-    assert light.error.max() < np.hypot(0.012, 0.03)     # the card tells the field, not the plane
+    level, error = np.transpose([*finished.records.flat_signals.light[""].values()])
+    np.testing.assert_allclose(level, 1, atol=0.02)     # twice what a card is taken to leave
+    assert error.max() < np.hypot(0.012, 0.03)      # the card tells the field, not the plane
     signals = finished.records.signals
     off = (signals.signal - true_signals(signals)) / errors_of(signals)
     assert np.abs(off).max() < 4
@@ -287,7 +287,7 @@ def left_out(finished):
         np.testing.assert_allclose(
             signals.signal[signals.names.index(name)],
             without.signals.signal[without.signals.names.index(name)], rtol=1e-12)
-        assert finished.records.sample.spectra[name].mean.any()
+        assert finished.records.spectra[name].mean.any()
     assert verdict.word == "warn"
     return {one.code: one.subject for one in verdict.problems}
 
@@ -352,8 +352,8 @@ def test_a_card_measures_the_light_as_well_as_its_reflectance_is_known(flat_sess
     by_card = {None: 0.005, 0.005: 0.0071, 0.03: 0.03}[error]
     assert finished.capture.known_errors["white_wall"] == pytest.approx(by_card, rel=0.02)
     # the card's own error bounds what it tells of the light upon it
-    level = finished.records.flat_signals.light[""].error[0]
-    assert level < 1.1 * np.hypot(by_card, 0.013)
+    level_error = light_errors(finished)["white_wall"]
+    assert level_error < 1.1 * np.hypot(by_card, 0.013)
 
 
 def test_a_card_stated_off_its_level_is_doubted(flat_session):
@@ -398,7 +398,7 @@ def test_a_true_card_far_from_the_chart_in_uneven_light_is_believed(flat_session
     write_photo(flat_session / "photos" / "sample.dng", picture(light=light / light.max()),
                 Fraction(1, 60), np.random.default_rng(10))
     with_card(flat_session, "green_wall", 1.0)
-    misfits = run(flat_session).records.flat_signals.light[""].level_misfits
+    misfits = run(flat_session).records.flat_signals.level_misfits[""]
     assert np.abs(misfits["green_wall"]) < 3
 
 

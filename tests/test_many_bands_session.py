@@ -86,7 +86,7 @@ def test_pixels_have_spectra_from_the_bands_that_are_not_lost(finished):
     assert records.picture.masked < 0.05
     silent = np.isnan(records.signals.signal).all(axis=0)
     assert [records.signals.bands[band] for band in np.flatnonzero(silent)] == ["610 R"]
-    lost, = (one for one in records.chart.findings if one.code == "chart.bands-lost")
+    lost, = (one for one in records.charts[""].of_files if one.code == "chart.bands-lost")
     assert lost.values["bands"] == ["610 R"]
 
 
@@ -95,7 +95,7 @@ def test_spectra_of_many_bands_hold(finished):
     held = []
     for index, name in zip((3, 7, 11), SAMPLES, strict=True):
         truth = published(FINE_GRID)["CES99"][8 * index]
-        summary = records.sample.spectra[name]
+        summary = records.spectra[name]
         held.append((summary.lower <= truth) & (truth <= summary.upper))
         assert np.sqrt(np.mean((summary.mean - truth)[30:-30] ** 2)) < 0.04     # where lamps shine
     # about six independent readings of each: 95 % less 3 standard errors

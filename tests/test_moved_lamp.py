@@ -95,20 +95,21 @@ def test_gloss_and_level_are_found_within_their_errors(gloss, level):
     signals = signals_of(RED, gloss=gloss, level=level)
     posterior = solve_posterior(load_prior(), measurement(signals, 0))
     found = found_in_places(signals, 0, posterior.states)
-    assert [place.photo for place in found] == ["photo", "b"]
+    assert [place["photo"] for place in found] == ["photo", "b"]
     for place, true_gloss, true_level in zip(found, gloss, level, strict=True):
-        assert abs(place.gloss - true_gloss) < 2 * place.gloss_error
-        assert abs(place.level - true_level) < 2 * place.level_error
+        assert abs(place["gloss"] - true_gloss) < 2 * place["gloss_error"]
+        assert abs(place["level"] - true_level) < 2 * place["level_error"]
     # what differs is known better than what is common
-    assert found[0].gloss_error < 0.02
+    assert found[0]["gloss_error"] < 0.02
 
 
 def test_a_grey_tells_gloss_and_level_by_what_is_likely_alone():
     signals = signals_of(GREY, gloss=(0.03, 0.0))
     posterior = solve_posterior(load_prior(), measurement(signals, 0))
     first, other = found_in_places(signals, 0, posterior.states)
-    assert first.gloss_error > 0.005 and first.level_error > 0.02
-    assert abs(0.4 * (first.level - other.level) + first.gloss - other.gloss - 0.03) < 0.01
+    assert first["gloss_error"] > 0.005 and first["level_error"] > 0.02
+    level, gloss = (first[name] - other[name] for name in ("level", "gloss"))
+    assert abs(0.4 * level + gloss - 0.03) < 0.01
 
 
 @pytest.fixture(scope="module")
@@ -170,7 +171,7 @@ def test_bands_hold_with_gloss_or_a_shadow_in_one_of_two_photos(shoot, tmp_path,
         lower, upper = each.band(0.95)
         at_nm = np.interp(each.nm, NM, truth)
         held.append(np.mean((lower <= at_nm) & (at_nm <= upper)))
-        misses += [(place.gloss - true) / place.gloss_error
+        misses += [(place["gloss"] - true) / place["gloss_error"]
                    for place, true in zip(region.places, of_both, strict=True)]
     # .93, less two standard errors of about three independent readings of each of nine paints
     assert np.mean(held) > 0.85

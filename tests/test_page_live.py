@@ -61,7 +61,7 @@ def test_what_the_page_shows_of_a_region_is_what_a_run_finds(tmp_path):
     assert different["names"] == ["cube", "green_wall"]
     assert all(light["delta_e00"] < 1 for light in halves["lights"])    # one paint
     assert CliRunner().invoke(app, ["run", str(session), "--quiet"]).exit_code == 0
-    spectra = load_finished(read_session(session)).records.sample.spectra
+    spectra = load_finished(read_session(session)).records.spectra
     assert shown["white_wall"]["given"] and "leaves the photo" in clipped["refused"]
     for name in ("green_wall", "cube"):
         summary = spectra[name]

@@ -90,7 +90,7 @@ def test_page_regions_and_report_are_of_the_upright_picture(tmp_path):
     session = tmp_path / "s"
     words = ["--region", region, "--reference", AFTER_2014, "--session", str(session), "--quiet"]
     assert CliRunner().invoke(app, ["flat", str(photo), *words]).exit_code == 0
-    mean = load_finished(read_session(session)).records.sample.spectra["green_wall"].mean
+    mean = load_finished(read_session(session)).records.spectra["green_wall"].mean
     truth = np.interp(FINE_GRID.nm, NM, paint("green_wall")[1])
     # as of a photo that was not turned (0.02); the grey table beside it is 0.08 away
     assert np.sqrt(np.mean((mean - truth) ** 2)) < 0.04

@@ -27,7 +27,7 @@ from spectrabox.measure.pictures.pixel_spectra import (
     spectra_tables,
     survey,
 )
-from spectrabox.measure.pictures.shown_bands import shown_bands
+from spectrabox.measure.pictures.stacked_photos import shown_bands
 from spectrabox.radiometry import error_model
 from spectrabox.radiometry.gloss import gloss_states
 from spectrabox.radiometry.grid import visible_grid
@@ -261,15 +261,15 @@ def test_pixels_take_the_photos_that_show_them_and_are_flagged_where_none_does()
     stack = photo(signal=signal, variance=signal, saturated=clipped)
     one, both = np.array([0, 0, 0, 0]), np.array([0, 0, 2, 2])
     glare, loud = np.full(4, 0.01), np.zeros(4, bool)
-    shown = shown_bands(stack, glare, both, loud)
-    assert shown.sets.tolist() == [[True] * 4, [True] * 2 + [False] * 2, [False] * 2 + [True] * 2]
-    assert shown.index.tolist() == [[0, 2, 1], [0, 0, 0]]
-    assert shown.flags.tolist() == [[SEEN, SEEN, SEEN], [CLIPPED, SEEN, SEEN]]
-    assert shown_bands(stack, glare, one, loud) is None
+    (sets, index), flags = shown_bands(stack, glare, both, loud)
+    assert sets.tolist() == [[True] * 4, [True] * 2 + [False] * 2, [False] * 2 + [True] * 2]
+    assert index.tolist() == [[0, 2, 1], [0, 0, 0]]
+    assert flags.tolist() == [[SEEN, SEEN, SEEN], [CLIPPED, SEEN, SEEN]]
+    assert shown_bands(stack, glare, one, loud) == (None, None)
     silent = np.array([False, False, False, True])
-    dark = shown_bands(stack, glare, both, silent)
-    assert dark.sets.tolist() == [[True] * 3 + [False], [False, False, True, False]]
-    assert dark.index.tolist() == [[0, 1, 0], [0, 0, 0]]
+    (sets, index), _ = shown_bands(stack, glare, both, silent)
+    assert sets.tolist() == [[True] * 3 + [False], [False, False, True, False]]
+    assert index.tolist() == [[0, 1, 0], [0, 0, 0]]
 
 
 @pytest.mark.parametrize("cell", [1, 4, 5])

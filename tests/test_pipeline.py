@@ -149,7 +149,7 @@ def test_draws_reproduce_the_signal_within_its_stated_noise(finished):
     records = run.records
     calibration, made = records.calibrations(run.capture.views)[0], records.reconstruct.joint
     for index, name in enumerate(made.materials):
-        summary = records.sample.spectra[name]
+        summary = records.spectra[name]
         samples = summary.samples
         operator = without_states(measurement(scene_signals(made, [calibration]), index))
         assert samples.spectra.min() >= 0 and samples.spectra.max() <= 1

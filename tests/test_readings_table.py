@@ -83,7 +83,7 @@ def test_damaged_metadata_leave_the_table_without_a_quantity(table, damaged):
 def test_the_spectra_of_a_session_are_read_by_colour_science(finished):
     assert CliRunner().invoke(app, ["report", str(finished)]).exit_code == 0
     spectra = colour.read_sds_from_csv_file(str(finished / "spectra.csv"))
-    summary = load_finished(read_session(finished)).records.sample.spectra["green"]
+    summary = load_finished(read_session(finished)).records.spectra["green"]
     for title, values in (("green mean", summary.mean), ("green bound upper", summary.bound_upper)):
         np.testing.assert_allclose(spectra[title].values, values, rtol=DIGITS)
     assert read_table(finished / "spectra.csv").facts["quantity"] == "reflectance"
@@ -93,7 +93,7 @@ def test_colours_of_materials_are_those_of_colour_science(finished):
     assert CliRunner().invoke(app, ["report", str(finished)]).exit_code == 0
     with (finished / "materials.csv").open(encoding="utf-8", newline="") as file:
         rows = {row["material"]: row for row in csv.DictReader(file)}
-    samples = load_finished(read_session(finished)).records.sample.spectra["green"].samples
+    samples = load_finished(read_session(finished)).records.spectra["green"].samples
     xyz = np.array([tristimulus(samples.grid.nm, each) for each in samples.spectra])
     green = rows["green"]
     written = [float(green[name]) for name in "XYZ"]
@@ -117,7 +117,7 @@ def draws_of(folder, ending, *more):
 
 
 def expected(folder, surface):
-    samples = load_finished(read_session(folder)).records.sample.spectra[surface].samples
+    samples = load_finished(read_session(folder)).records.spectra[surface].samples
     return samples.spectra[:7, np.isin(samples.grid.nm, np.arange(400, 701, 50))]
 
 

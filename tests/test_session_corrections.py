@@ -111,6 +111,6 @@ def test_a_chart_in_the_object_photo_itself_has_seen_the_same_light(captured, fi
     path = captured / "session.toml"
     path.write_text(path.read_text().replace("photos/box.dng", "photos/chart.dng"))
     capture = read_session(captured).capture()
-    scale = scale_of_view(capture, capture.views[0], records.chart.charts[""].thumbnail,
+    scale = scale_of_view(capture, capture.views[0], records.charts[""].thumbnail,
                           calibration, records)
     assert REPEATABILITY not in scale.common_errors

@@ -8,7 +8,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from small_captures import (
-    chart_records,
     image,
     measured_chart,
     records_of,
@@ -65,7 +64,7 @@ def test_light_and_shutter_repeat_from_photo_to_photo_alone(photo, causes):
     """A photo of chart and box in one has nothing to repeat."""
     calibrated = SimpleNamespace(light_scale=LightScale(5.0, 0.1, None, "chart photo"))
     shown = image(exposure_s=1 / 50)        # as cameras round it: the chart's is 1/60
-    records = records_of(chart=chart_records({"": measured_chart(thumbnail=image())}))
+    records = records_of(chart={"": measured_chart(thumbnail=image())})
     view = scene_view(photo=photo, chart="chart.dng")
     stated = Repeatability(light=0.012, shutter=0.016, scene_level=0.03)    # 0.02 together
     capture = scene_capture(view, repeatability=stated)

@@ -14,7 +14,6 @@ from calibrate_cameras import (
     signals,
 )
 from small_captures import (
-    chart_records,
     measured_chart,
     photo_records,
     records_of,
@@ -46,9 +45,9 @@ def lit_charts(views, reflectances, strengths):
     """Records of charts that a camera saw under a lamp of these strengths."""
     camera = on_grid(cameras(1, 3)[0])
     return records_of(
-        chart=chart_records({view.name: measured_chart(samples(
+        chart={view.name: measured_chart(samples(
             strengths[view.name] * 1e-3 * signals(camera, daylight(), reflectances), 1e-3))
-            for view in views if view.chart}),
+            for view in views if view.chart},
         photo=photo_records(*(view.name for view in views)))
 
 

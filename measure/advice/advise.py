@@ -88,10 +88,10 @@ def advice_on_capture(capture: Capture, records: CaptureRecords,
     surfaces = {name: _surface_of(capture, records, index)
                 for index, name in enumerate(records.signals.names)
                 if not records.signals.known[index]
-                and records.sample.spectra[name].draws.outcome in SEEN}
+                and records.spectra[name].draws.outcome in SEEN}
     considered: dict[str, list[advice_kinds.Advice]] = {name: [] for name in surfaces}
     if isinstance(capture, FlatCapture):
-        sample = flat_actions.flat_photos_of(capture, records)
+        sample = flat_actions.FlatPhotos(capture, records)
         for name, surface in surfaces.items():
             considered[name] += _of_flat_sample(sample, surface)
     for name, surface in surfaces.items():
@@ -111,7 +111,7 @@ def advice_on_capture(capture: Capture, records: CaptureRecords,
 def _surface_of(capture: Capture, records: CaptureRecords, index: int) -> forecasting.Unknown:
     signals = alone(records.signals, index)
     name = signals.names[0]
-    summary, stated = records.sample.spectra[name], capture.surfaces[name]
+    summary, stated = records.spectra[name], capture.surfaces[name]
     beyond = summary.draws.outcome in (spectra.Outcome.BEYOND_LEARNT, spectra.Outcome.UNSAID)
     prior = mixture.smoothness_prior() if beyond \
         else mixture.of_families(mixture.load_prior(), stated.families)

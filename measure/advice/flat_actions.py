@@ -6,7 +6,7 @@ that find it now: only what the action changes is another.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -27,15 +27,21 @@ MOVED = "moved lamp"
 BESIDE_IT, NEARER = "card beside ", "nearer "      # names of places, before that of their region
 
 
-@dataclass(frozen=True, eq=False)
 class FlatPhotos:
-    """Photos of flat samples with what is stated of them, as the step "signals" has them."""
+    """Photos of flat samples with what is stated of them, as the step "signals" has them.
 
-    capture: captured.FlatCapture
-    photos: list[white_reference.FlatPhoto]
-    errors: white_reference.FlatErrors
-    bands: tuple[str, ...]
-    known: Mapping[str, np.ndarray]     # reflectances of the regions that tell of the light
+    Parameters
+    ----------
+    capture : FlatCapture
+    records : CaptureRecords
+        Of the steps up to the signals.
+    """
+
+    def __init__(self, capture: captured.FlatCapture, records: records.CaptureRecords) -> None:
+        self.capture = capture
+        self.known = known_of_signals(capture, records)     # regions that tell of the light
+        self.photos, self.errors = flat_photos(capture, records), flat_errors(capture, records)
+        self.bands = capture.band_names(records.photo.bands)
 
     @cached_property
     def whites(self) -> list[white_reference.PhotoWhite | None]:
@@ -86,19 +92,6 @@ class FlatPhotos:
                 for photo, white in zip(photos, whites, strict=True)]
         return flat_signals(photos, told, {region: self.capture.families[name]}, {}, self.bands,
                             errors)
-
-
-def flat_photos_of(capture: captured.FlatCapture, records: records.CaptureRecords) -> FlatPhotos:
-    """The photos of a capture.
-
-    Parameters
-    ----------
-    capture : FlatCapture
-    records : CaptureRecords
-        Of the steps up to the signals.
-    """
-    return FlatPhotos(capture, flat_photos(capture, records), flat_errors(capture, records),
-                      capture.band_names(records.photo.bands), known_of_signals(capture, records))
 
 
 def with_lamp_moved(sample: FlatPhotos, name: str) -> spectra.SurfaceSignals:

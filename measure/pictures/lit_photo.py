@@ -4,7 +4,7 @@ White and light may come from a chart in the photo of a flat sample, or from lig
 scene. What surfaces mirror is taken off by its mean. A pixel's errors lie between those of the best
 and of the worst known places of the photo, for which its two tables of spectra are computed. A
 photo may be several of one sample, stacked; pixels that not all of them show have tables of their
-own (shown_bands.py).
+own.
 """
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ from spectrabox.measure.pictures import (
     pixel_errors,
     pixel_flags,
     pixel_spectra,
-    shown_bands,
 )
 from spectrabox.radiometry.error_model import Errors
 from spectrabox.radiometry.records.photos import LinearImage
@@ -30,6 +29,7 @@ SIDE = 17                   # of the tables: noise leaves no finer detail
 NOISE_SAMPLES = 20_000      # pixels that tell how noise depends on the signal
 DARKEST = 1e-4              # of white: signals are taken for at least as bright
 SIGMAS = 4.0                # beyond white: what no reflectance gives
+BandSets = tuple[np.ndarray, np.ndarray]    # sets (S, K) bool, and which of them (H, W) pixels have
 
 
 @dataclass(frozen=True)
@@ -71,10 +71,9 @@ class LitPhoto:
 
     photo: LinearImage          # the part alone
     errors: pixel_errors.PixelErrors
-    flags: np.ndarray | None = None     # (H, W) of pixel_flags.py, as the scene gives them
+    flags: np.ndarray | None = None     # (H, W) of pixel_flags.py, by the scene or the bands
     highlights: bool = False    # whether what is brighter than white is a highlight: no spectrum
-    # where some pixels are seen in some bands; of one light
-    shown: shown_bands.ShownBands | None = None
+    band_sets: BandSets | None = None   # where some pixels are seen in some bands; of one light
 
     table_side, error_levels = SIDE, 2
 
@@ -95,15 +94,15 @@ class LitPhoto:
         that pixels are seen in.
         """
         responses = self.errors.responses
-        return responses if self.shown is None else np.repeat(responses, len(self.shown.sets),
-                                                              axis=0)
+        return responses if self.band_sets is None else np.repeat(
+            responses, len(self.band_sets[0]), axis=0)
 
     def _light_and_bands(self, light: int) -> tuple[int, np.ndarray]:
         """Index of the typical light, and the bands (K,) that are seen, by the index of
         ``responses``.
         """
-        return (light, np.ones(self.size[2], bool)) if self.shown is None \
-            else (0, self.shown.sets[light])
+        return (light, np.ones(self.size[2], bool)) if self.band_sets is None \
+            else (0, self.band_sets[0][light])
 
     @cached_property
     def noise(self) -> np.ndarray:
@@ -142,26 +141,25 @@ class LitPhoto:
         low, high = np.percentile(self.grey_variance, [BEST_KNOWN, WORST_KNOWN])
         high = max(high, low * (1 + 1e-6))
         light = None
-        if self.shown is not None:
-            light = self.shown.index[first:last].ravel()
+        if self.band_sets is not None:
+            light = self.band_sets[1][first:last].ravel()
         elif len(errors.responses) > 1:     # that of the node of most weight
             per_row = weights.nnz // weights.shape[0]
             at = np.argmax(weights.data.reshape(-1, per_row), axis=1)
             light = errors.light.kind[weights.indices.reshape(-1, per_row)[np.arange(at.size), at]]
         signals = illumination.adapted_signals(
             measured / white, errors.light, weights @ errors.light.maps,
-            None if self.shown is not None else light, errors.moments)
+            None if self.band_sets is not None else light, errors.moments)
         # without a node there is no light to be known
         grey_error = np.sqrt(np.where(variance > 0, variance, 1.0))
         flags = np.zeros(len(measured), np.uint8) if self.flags is None \
             else self.flags[first:last].ravel().copy()
-        if self.shown is None:
+        if self.band_sets is None:
             clipped = self.photo.saturated[first:last].reshape(-1, bands).any(axis=1)
             flags[(flags == pixel_flags.SEEN) & clipped] = pixel_flags.CLIPPED
             flags[(flags == pixel_flags.SEEN) & (measured <= 0).any(axis=1)] = pixel_flags.DARK
         else:
-            flags = self.shown.flags[first:last].ravel()
-            signals[~self.shown.sets[light]] = GREY
+            signals[~self.band_sets[0][light]] = GREY
         if self.highlights:
             brighter = np.max(signals - uplift_table.MAX_SIGNAL, axis=1) > SIGMAS * grey_error
             flags[(flags == pixel_flags.SEEN) & brighter] = pixel_flags.HIGHLIGHT

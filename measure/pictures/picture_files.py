@@ -41,7 +41,8 @@ def write_picture(
     """
     layout = layout_of(section)
     height, width, _ = photo.size
-    maps = picture_maps.maps_of(layout.nm[0], section.light, flags=photo.flags is not None)
+    of_scene = photo.flags is not None and photo.band_sets is None
+    maps = picture_maps.maps_of(layout.nm[0], section.light, flags=of_scene)
     reduced = picture_maps.Reduced(height, width, maps)
     points, sample, _, _ = pixel_spectra.survey(photo)
     in_pixels = PIXELS_A_POINT * int(points.sum() or MAX_CENTRES)

@@ -10,7 +10,7 @@ depend on how the picture is cut, nor on who computes it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Protocol
@@ -199,27 +199,32 @@ def _pieces(block: PixelBlock, most: int) -> Iterator[tuple[int, Any]]:
             yield int(light), own[start:start + most]
 
 
-@dataclass(frozen=True)
-class LightTable:
-    """Numbers that a signal becomes under one light, at L points of the lattice of signals."""
-
-    row: np.ndarray             # (side, side, side) of each point of the lattice
-    columns: np.ndarray         # (L, C) where errors are smallest
-    change: np.ndarray | None   # (L, C) from there to where they are largest
-
-    at_once = PIXELS_IN_CACHE
-
-    def values(self, signals: np.ndarray, level: np.ndarray | None) -> np.ndarray:
-        """Numbers (n, C) of signals (n, 3), and of the level (n,) of their errors."""
-        weights = uplift_table.interpolation(self.row, len(self.columns), signals)
-        values = weights @ self.columns
-        if self.change is not None and level is not None:
-            values += level[:, None] * (weights @ self.change)
-        return np.asarray(values)
+# of each light a function from signals (n, K) and the level (n,) of their errors to mean, standard
+# deviation and novelty side by side (n, C); none where pixels are computed one by one
+SpectraTable = Callable[[np.ndarray, np.ndarray | None], np.ndarray]
+SpectraTables = tuple[SpectraTable, ...]
 
 
-# of each light; none where pixels are computed one by one
-SpectraTables = tuple[LightTable | local_posteriors.LocalPosteriors, ...]
+def _looked_up(row: np.ndarray, columns: np.ndarray, change: np.ndarray | None,
+               signals: np.ndarray, level: np.ndarray | None) -> np.ndarray:
+    """What signals (n, 3) become by a table of one light at L points of the lattice of signals.
+
+    Parameters
+    ----------
+    row : (side, side, side) array
+        Of each point of the lattice, in the table.
+    columns : (L, C) array
+        Where errors are smallest.
+    change : (L, C) array or None
+        From there to where they are largest.
+    signals, level
+        As of ``SpectraTables``.
+    """
+    weights = uplift_table.interpolation(row, len(columns), signals)
+    values = weights @ columns
+    if change is not None and level is not None:
+        values += level[:, None] * (weights @ change)
+    return np.asarray(values)
 
 
 def block_spectra(source: PixelSource, layout: PictureLayout, tables: SpectraTables,
@@ -230,16 +235,17 @@ def block_spectra(source: PixelSource, layout: PictureLayout, tables: SpectraTab
     ----------
     source : PixelSource
     layout : PictureLayout
-    tables : tuple of LightTable or LocalPosteriors
-        Of the whole picture.
+    tables : tuple of functions
+        Of the whole picture, as of `spectra_tables`.
     block : PixelBlock
     """
     mean, deviation = (nm.size for nm in layout.nm)
     if tables:
         values = np.empty((len(block.signals), mean + deviation + 1), np.float32)
-        for light, some in _pieces(block, tables[0].at_once):
+        most = PIXELS_IN_CACHE if source.size[2] == 3 else local_posteriors.LocalPosteriors.at_once
+        for light, some in _pieces(block, most):
             level = None if block.error_level is None else block.error_level[some]
-            values[some] = tables[light].values(block.signals[some], level)
+            values[some] = tables[light](block.signals[some], level)
     else:
         values = _columns(source.direct(block), layout)
     return values[:, :mean], values[:, mean:-1], values[:, -1]
@@ -268,7 +274,7 @@ def spectra_tables(source: PixelSource, layout: PictureLayout, points: np.ndarra
         return ()
     if bands != 3:
         return tuple(_local_tables(source, layout, sample, progress, map_parts))
-    tables: list[LightTable] = []
+    tables: list[SpectraTable] = []
     done = 0
     for light, wanted in enumerate(points):
         own = int(wanted.sum())
@@ -277,7 +283,8 @@ def spectra_tables(source: PixelSource, layout: PictureLayout, points: np.ndarra
             lambda share, done=done, own=own: progress(     # type: ignore[misc]
                 (done + share * own) / count), map_parts)
         smallest, *larger = (_columns(table, layout) for table in uplifted)
-        tables.append(LightTable(row, smallest, larger[0] - smallest if larger else None))
+        tables.append(partial(_looked_up, row, smallest,
+                              larger[0] - smallest if larger else None))
         done += own
     return tuple(tables)
 
@@ -290,8 +297,8 @@ def _columns(uplifted: uplift_table.Uplifted, layout: PictureLayout) -> np.ndarr
 
 def _local_tables(source: PixelSource, layout: PictureLayout, sample: PixelBlock,
                   progress: uplift_table.Progress,
-                  map_parts: uplift_table.MapParts) -> Iterator[local_posteriors.LocalPosteriors]:
-    """Posteriors at some signals under each light."""
+                  map_parts: uplift_table.MapParts) -> Iterator[SpectraTable]:
+    """By posteriors at some signals under each light."""
     lights = len(source.responses)
     for light, response in enumerate(source.responses):
         own = slice(None) if sample.light is None else sample.light == light
@@ -301,4 +308,4 @@ def _local_tables(source: PixelSource, layout: PictureLayout, sample: PixelBlock
             source.prior, response, partial(source.table_errors, light), sample.signals[own],
             None if sample.error_level is None else sample.error_level[own], layout.mean,
             layout.deviation, lambda share, light=light: progress(    # type: ignore[misc]
-                (light + share) / lights), map_parts)
+                (light + share) / lights), map_parts).values

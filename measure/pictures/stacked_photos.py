@@ -1,8 +1,8 @@
 """Photos of one flat sample under several lights or filters, as one photo of all their bands.
 
-Each photo has its own white, field of light and clipped pixels. Photos of one response are
-averaged, as `measure/regions/flat_signals.py` averages their regions, and errors that photos
-under one lamp have in common are those of regions.
+Each photo has its own white, field of light and clipped pixels, and is left out where it is clipped
+or dark. Photos of one response are averaged, as `measure/regions/flat_signals.py` averages their
+regions, and errors that photos under one lamp have in common are those of regions.
 """
 from __future__ import annotations
 
@@ -12,8 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import csr_array
 
-from spectrabox.measure.pictures import illumination, lit_photo, pixel_errors, pixel_spectra
-from spectrabox.measure.pictures.shown_bands import shown_bands
+from spectrabox.measure.pictures import (
+    illumination,
+    lit_photo,
+    pixel_errors,
+    pixel_flags,
+    pixel_spectra,
+)
 from spectrabox.measure.regions import flat_signals
 from spectrabox.measure.regions.white import FlatErrors, FlatPhoto, white_at_regions
 from spectrabox.radiometry import error_model, gloss, grid
@@ -21,6 +26,7 @@ from spectrabox.radiometry.covariance import block_diagonal
 from spectrabox.radiometry.records.photos import LinearImage
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, LogitMixture
 
+MAX_SETS = 4        # of bands, the most frequent; each costs a table of spectra
 Between = Callable[[int, int], csr_array]   # weights (n, N) of the nodes at pixels of some rows
 
 
@@ -91,6 +97,9 @@ def stack_photos(photos: Sequence[FlatPhoto], images: Sequence[LinearImage],
     glare, photo_of_band = np.concatenate([part.glare for part in parts]), np.repeat(distinct,
                                                                                      bands)
     image = _stacked([part.image for part in parts])
+    band_sets, flags = shown_bands(image, glare, photo_of_band, np.concatenate([
+        flat_signals.dark_bands(part.white[0]) | photos[number].lost_bands
+        for number, part in zip(distinct, parts, strict=True)]))
     return lit_photo.LitPhoto(
         image,
         pixel_errors.PixelErrors(
@@ -102,12 +111,7 @@ def stack_photos(photos: Sequence[FlatPhoto], images: Sequence[LinearImage],
                 nodes), glare, block_diagonal(*(part.glare_covariance for part in parts)),
             gloss.gloss_states(surface, lamps.tolist()), relative,
             [[photo.calibration for photo in photos]], photo_of_band, response[None], prior),
-        shown=shown_bands(
-            image, glare, photo_of_band,
-            np.concatenate([
-                flat_signals.dark_bands(part.white[0]) | photos[number].lost_bands
-                for number, part in zip(distinct, parts, strict=True)
-            ])))
+        flags, band_sets=band_sets)
 
 
 def _at_nodes(photo: FlatPhoto, image: LinearImage, nodes_px: np.ndarray,
@@ -169,6 +173,53 @@ def _averaged(parts: Sequence[_PhotoAtNodes], between: Between) -> _PhotoAtNodes
               for part, gain in zip(parts, typical, strict=True)]),
         {cause: mean([part.causes.get(cause, none) for part in parts])
          for cause in dict.fromkeys(cause for part in parts for cause in part.causes)})
+
+
+def shown_bands(photo: LinearImage, glare: np.ndarray, photo_of_band: np.ndarray,
+                silent: np.ndarray) -> tuple[lit_photo.BandSets | None, np.ndarray | None]:
+    """The bands that each pixel of a stack is seen in, and what pixels are flagged for (H, W);
+    neither where all of them are seen or none.
+
+    A photo whose bands are not all seen at a pixel is left out there. Pixels with the same photos
+    have one set of bands, and its own table of spectra; of rare sets the pixels take the largest
+    common set within theirs.
+
+    Parameters
+    ----------
+    photo : LinearImage
+        The stack, of K bands.
+    glare : (K,) array
+        Signal.
+    photo_of_band : (K,) int array
+        The photo that each band is of; the first is 0.
+    silent : (K,) bool array
+        Bands that say nothing anywhere, since their light is too dark.
+    """
+    photos = np.unique(photo_of_band)
+    clipped = np.zeros(photo.saturated.shape[:2], bool)
+    code = np.zeros(clipped.shape, np.int64)
+    for bit, number in enumerate(photos):
+        bands = np.flatnonzero((photo_of_band == number) & ~silent)
+        saturated = photo.saturated[..., bands].any(axis=2)
+        seen = ~saturated & (photo.signal[..., bands] > glare[bands]).all(axis=2)
+        code |= seen.astype(np.int64) << bit
+        clipped |= saturated
+    codes, count = np.unique(code, return_counts=True)
+    if not codes.any() or (not silent.any() and set(codes.tolist()) <= {0, (1 << len(photos)) - 1}):
+        return None, None
+    of_code = (codes[:, None] >> np.arange(len(photos))) & 1 == 1           # (C, photos)
+    frequent = [each for each in np.argsort(-count, kind="stable") if codes[each]][:MAX_SETS]
+    frequent.sort(key=lambda each: -int(of_code[each].sum()))
+    index, known = np.zeros(codes.size, np.uint8), np.zeros(codes.size, bool)
+    for each, own in enumerate(codes):
+        within = [number for number, one in enumerate(frequent) if codes[one] & ~own == 0]
+        if within and own:
+            index[each], known[each] = within[0], True
+    at = np.searchsorted(codes, code)
+    flags = np.where(known[at], pixel_flags.SEEN,
+                     np.where(clipped, pixel_flags.CLIPPED, pixel_flags.DARK)).astype(np.uint8)
+    sets = of_code[frequent][:, np.searchsorted(photos, photo_of_band)] & ~silent
+    return (sets, index[at]), flags
 
 
 def _stacked(images: Sequence[LinearImage]) -> LinearImage:

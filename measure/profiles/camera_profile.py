@@ -44,21 +44,40 @@ FITTED_SET, FRESH_SET = "BabelColor Average", "CES99"   # the second is never se
 MAX_IDT_DRAWS = 25          # an ACES matrix takes a search for each
 
 
-@dataclass(frozen=True)
 class CameraProfile:
-    """Matrices of a camera for other programs, each with those of T draws of its curves, and its
-    colour profile under the light of its photos.
+    """Matrices of a camera for other programs (DNG, ACES), each with those of draws of its curves,
+    and its colour profile under the light of its photos.
+
+    Parameters
+    ----------
+    camera : str
+        As its raw files name it.
+    curves : (3, P) array
+        Sensitivities R, G, B on ``grid``, of any scale.
+    grid : WavelengthGrid
+    idt_light : str
+        CIE name or file, of the ACES matrix.
+    colours : ColourProfile
+    light : str
+        Of the colour profile.
+    draws : (T, 3, P) array or None
+        Of the curves, for the spread of every number.
     """
 
-    camera: str             # as its raw files name it
-    # by illuminant, as of `colour_profile.matrices`: of the curves, then of their draws
-    matrices: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]
-    aces: tuple[np.ndarray, np.ndarray]                         # matrix (3, 3), white balance (3,)
-    aces_drawn: tuple[tuple[np.ndarray, np.ndarray], ...]
-    idt_light: str
-    draws: int
-    colours: colour_profiles.ColourProfile
-    light: str              # of the colour profile
+    def __init__(self, camera: str, curves: np.ndarray, grid: WavelengthGrid, idt_light: str,
+                 colours: colour_profiles.ColourProfile, light: str,
+                 draws: np.ndarray | None = None) -> None:
+        each = (curves, *(() if draws is None else draws))
+        sets = named_spectra.test_reflectances(grid)
+        self.camera, self.colours, self.light, self.idt_light = camera, colours, light, idt_light
+        self.draws = len(each) - 1
+        # by illuminant, as of `colour_profile.matrices`: of the curves, then of their draws
+        self.matrices = {name: colour_profile.matrices(each, name, grid, sets[FITTED_SET],
+                                                       (sets[FITTED_SET], sets[FRESH_SET]))
+                         for name in colour_profile.ILLUMINANTS}
+        # matrix (3, 3) and white balance (3,), likewise
+        self.aces = [colour_science.aces_idt(grid.nm, one, idt_light)
+                     for one in each[:1 + MAX_IDT_DRAWS]]
 
     def of_illuminant(self,
                       name: str) -> tuple[colour_profiles.Spread, colour_profiles.Spread,
@@ -73,8 +92,8 @@ class CameraProfile:
 
     def aces_spreads(self) -> tuple[colour_profiles.Spread, colour_profiles.Spread]:
         """The ACES matrix and its white balance."""
-        matrix, balance = (spread_over(self.aces[index], [each[index] for each in self.aces_drawn])
-                           for index in (0, 1))
+        matrix, balance = (spread_over(each[0], each[1:])
+                           for each in zip(*self.aces, strict=True))
         return matrix, balance
 
     def facts(self) -> dict[str, object]:
@@ -85,7 +104,7 @@ class CameraProfile:
             {name: dict(zip(("color_matrix", "forward_matrix", "delta_e00"),
                             self.of_illuminant(name), strict=True))
              for name in colour_profile.ILLUMINANTS}, "aces_idt": {
-                 "light": self.idt_light, "draws": len(self.aces_drawn), "matrix":
+                 "light": self.idt_light, "draws": len(self.aces) - 1, "matrix":
                  matrix, "white_balance": balance
              }, "colour": {"light": self.light, "delta_e00": self.colours.facts()}
         }
@@ -111,38 +130,6 @@ def spread_over(value: np.ndarray | float,
     """A value with its standard deviation over draws, where there are any."""
     deviation = np.std(np.array(drawn), axis=0, ddof=1) if len(drawn) > 1 else None
     return colour_profiles.Spread(value, deviation)
-
-
-def camera_profile(camera: str, curves: np.ndarray, grid: WavelengthGrid, idt_light: str,
-                   colours: colour_profiles.ColourProfile, light: str,
-                   draws: np.ndarray | None = None) -> CameraProfile:
-    """Colour matrices (DNG, ACES) of a camera, beside its colour profile.
-
-    Parameters
-    ----------
-    camera : str
-        As its raw files name it.
-    curves : (3, P) array
-        Sensitivities R, G, B on ``grid``, of any scale.
-    grid : WavelengthGrid
-    idt_light : str
-        CIE name or file, of the ACES matrix.
-    colours : ColourProfile
-    light : str
-        Of the colour profile.
-    draws : (T, 3, P) array or None
-        Of the curves, for the spread of every number.
-    """
-    each = () if draws is None else tuple(draws)
-    sets = named_spectra.test_reflectances(grid)
-    return CameraProfile(
-        camera,
-        {name: colour_profile.matrices((curves, *each), name, grid, sets[FITTED_SET],
-                                       (sets[FITTED_SET], sets[FRESH_SET]))
-         for name in colour_profile.ILLUMINANTS},
-        colour_science.aces_idt(grid.nm, curves, idt_light),
-        tuple(colour_science.aces_idt(grid.nm, draw, idt_light) for draw in each[:MAX_IDT_DRAWS]),
-        idt_light, len(each), colours, light)
 
 
 def matrix_rows(matrix: colour_profiles.Spread) -> list[str]:

@@ -51,21 +51,6 @@ class Spread:
         return f"{self.value:.2f}{spread}"
 
 
-@dataclass(frozen=True)
-class ColourError:
-    """CIEDE2000 of a set of surfaces without noise; spreads are None where no draws are known."""
-
-    mean: float
-    percentile_95: float
-    mean_spread: float | None
-    percentile_95_spread: float | None
-
-    def facts(self) -> dict[str, Spread]:
-        """Each with its spread."""
-        return {"mean": Spread(self.mean, self.mean_spread),
-                "percentile_95": Spread(self.percentile_95, self.percentile_95_spread)}
-
-
 @dataclass(frozen=True, eq=False)
 class ColourProfile:
     """From a camera's signals under the light of its calibration to colours under D50.
@@ -76,7 +61,8 @@ class ColourProfile:
         The second is what tables of profiles are made of.
     errors : dict
         CIEDE2000 to expect, by transform ("matrix", "table", and "camera's own matrix" where the
-        photo's file has one) and by set of surfaces; spreads are those by the calibration's errors.
+        photo's file has one) and by set of surfaces: its "mean" and "percentile_95", each with its
+        spread by the calibration's errors.
     draws : int
         Of the response, behind the spreads.
 
@@ -95,7 +81,7 @@ class ColourProfile:
 
     matrix: colour_fit.ColourTransform
     table: colour_fit.ColourTransform
-    errors: dict[str, dict[str, ColourError]]
+    errors: dict[str, dict[str, dict[str, Spread]]]
     draws: int
 
     @property
@@ -153,8 +139,7 @@ class ColourProfile:
         -------
         dict
         """
-        return {name: {of: one.facts() for of, one in sets.items()}
-                for name, sets in self.errors.items()}
+        return self.errors
 
     def error_lines(self) -> list[str]:
         """A line for each transform and set.
@@ -163,14 +148,14 @@ class ColourProfile:
         -------
         list of str
         """
-        return [f"  {name}, {of}: mean {facts['mean'].words}, 95 % below "
-                f"{facts['percentile_95'].words}"
-                for name, sets in self.facts().items() for of, facts in sets.items()]
+        return [f"  {name}, {of}: mean {one['mean'].words}, 95 % below "
+                f"{one['percentile_95'].words}"
+                for name, sets in self.errors.items() for of, one in sets.items()]
 
     def __repr__(self) -> str:
         *_, expected = self.errors.values()
         return "<ColourProfile: CIEDE2000 " + ", ".join(
-            f"{one.mean:.2f} ({of})" for of, one in expected.items()) + ">"
+            f"{one['mean'].value:.2f} ({of})" for of, one in expected.items()) + ">"
 
 
 def colour_profile(response: np.ndarray, draws: np.ndarray | None = None,
@@ -273,14 +258,16 @@ def _relative(response: np.ndarray) -> np.ndarray:
 
 
 def _error(transform: colour_fit.ColourTransform, cameras: np.ndarray,
-           surfaces: np.ndarray) -> ColourError:
-    """Means over the cameras that it may be, and their standard deviations."""
+           surfaces: np.ndarray) -> dict[str, Spread]:
+    """CIEDE2000 of surfaces without noise: means over the cameras that it may be, and their
+    standard deviations.
+    """
     errors = np.array([colour_fit.colour_errors(transform, response, surfaces, mixture.PRIOR_GRID)
                        for response in cameras])
     figures = np.column_stack([errors.mean(axis=1), np.percentile(errors, 95, axis=1)])
     mean, high = figures.mean(axis=0).tolist()
     spread = [None, None] if len(cameras) == 1 else figures.std(axis=0, ddof=1).tolist()
-    return ColourError(mean, high, *spread)
+    return {"mean": Spread(mean, spread[0]), "percentile_95": Spread(high, spread[1])}
 
 
 # ---- a photo of flat samples as a picture for colour management ----------------------------------

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.special import chdtrc
@@ -86,26 +86,12 @@ def _level(pattern: np.ndarray, usual: np.ndarray) -> spectra.CaptureStates:
         DARKER * off, np.array([np.diag(usual + row * OFF**2) for row in off]))
 
 
-@dataclass(frozen=True)
-class InPlace:
-    """What was found of one sample with the lamp in one place."""
-
-    photo: str                          # title of the first photo with it there
-    gloss: float                        # share of white that the sample mirrors
-    gloss_error: float
-    level: float                        # light on it against what the chart's gives, relative
-    level_error: float
-
-    @property
-    def text(self) -> str:
-        """For a table."""
-        return (f"{self.photo}: {100 * self.gloss:.1f} ± {100 * self.gloss_error:.1f} %, "
-                f"{100 * self.level:+.0f} ± {100 * self.level_error:.0f} %")
-
-
 def found_in_places(signals: spectra.SurfaceSignals, index: int,
-                    found: spectra.StateEstimate | None) -> tuple[InPlace, ...]:
-    """Gloss and level of a sample in each place of a moved lamp; none where none was moved.
+                    found: spectra.StateEstimate | None) -> list[dict[str, Any]]:
+    """Gloss and level of a sample in each place of a moved lamp, as JSON has them: "photo", the
+    title of the first with the lamp there; "gloss", the share of white that the sample mirrors;
+    "level", the light on it against what the chart's gives, relative; and the standard errors
+    "gloss_error" and "level_error". None where none was moved.
 
     Parameters
     ----------
@@ -116,12 +102,14 @@ def found_in_places(signals: spectra.SurfaceSignals, index: int,
         What its signal says.
     """
     if found is None or LEVEL not in found.names:
-        return ()
+        return []
     values = list(zip(found.mean.tolist(), found.standard_deviation.tolist(), strict=True))
     count = len(values) // 2
     first = [int(np.flatnonzero(column)[0]) for column in signals.states[index].pattern.T[:count]]
-    return tuple(InPlace(signals.bands[band].rsplit(": ", 1)[0], *gloss, *level)
-                 for band, gloss, level in zip(first, values[:count], values[count:], strict=True))
+    return [{"photo": signals.bands[band].rsplit(": ", 1)[0], "gloss": gloss,
+             "gloss_error": gloss_error, "level": level, "level_error": level_error}
+            for band, (gloss, gloss_error), (level, level_error)
+            in zip(first, values[:count], values[count:], strict=True)]
 
 
 def differences_of_photos(signals: spectra.SurfaceSignals,

@@ -45,7 +45,7 @@ def pointed_sample(capture: captured.FlatCapture, records: CaptureRecords,
         view.name: registration.find_edges(images[view.name])
         for view in capture.views if others
     }
-    registrations = {view.name: registration_of(records.chart.charts, first, view, edges[""],
+    registrations = {view.name: registration_of(records.charts, first, view, edges[""],
                                                 edges[view.name]) for view in others
                      if view.photo != first.photo}
     return PointedSample(capture, flat_photos(capture, records), dict(images), records,
@@ -122,13 +122,13 @@ class PointedSample:
                                       without_clipped=len(capture.views) > 1,
                                       known=capture.known) if outlines else None
 
-    def signal(self, name: str, region: captured.Region) -> flat_signals.RegionSignal:
+    def signal(self, name: str, region: captured.Surface) -> flat_signals.RegionSignal:
         """The signal of a region, which need not be one of the capture.
 
         Parameters
         ----------
         name : str
-        region : Region
+        region : Surface
         """
         alone = replace(self.capture, regions={name: region})
         samples = [joined_samples(self._sampled(alone, view, (name,)),
@@ -149,12 +149,13 @@ class PointedSample:
         return signal, signal.spectrum(region.families, capture.sampling,
                                        capture.seed + list(capture.regions).index(name))
 
-    def pointed(self, region: captured.Region) -> tuple[flat_signals.RegionSignal, SignalPosterior]:
+    def pointed(self, region: captured.Surface
+                ) -> tuple[flat_signals.RegionSignal, SignalPosterior]:
         """Signal and spectrum of any part of a photo, the spectrum in closed form.
 
         Parameters
         ----------
-        region : Region
+        region : Surface
         """
         signal = self.signal("pointer", region)
         return signal, signal.posterior(region.families)

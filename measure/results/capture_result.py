@@ -237,7 +237,7 @@ def common_findings(capture: captured.Capture, records: CaptureRecords) -> dict[
     """
     calibrations = records.calibrate.calibrations
     photos = [*records.photo.photos.values(),
-              *(chart.thumbnail for chart in records.chart.charts.values())]
+              *(chart.thumbnail for chart in records.charts.values())]
     return {"bands": capture.band_names(records.photo.bands),
             "chart": records.calibrate.chart,
             "layout": CLASSIC if capture.chart is None else capture.layout,
@@ -246,7 +246,7 @@ def common_findings(capture: captured.Capture, records: CaptureRecords) -> dict[
             "other_calibrations": {name: calibrations[name]
                                    for name in records.calibrate.other_charts},
             "chart_findings": {name: chart.findings
-                               for name, chart in records.chart.charts.items()},
+                               for name, chart in records.charts.items()},
             "grid": records.signals.grid, "signal_bands": records.signals.bands,
             "photo": records.photo.photos[""], "stated": capture,
             "processed": any(photo.kind is photo_records.PhotoKind.PROCESSED for photo in photos),
@@ -280,7 +280,7 @@ def surface_of_records(capture: captured.Capture, records: CaptureRecords, name:
     """
     signals, stated = records.signals, capture.surfaces[name]
     index = signals.names.index(name)
-    summary = None if signals.known[index] else records.sample.spectra[name]
+    summary = None if signals.known[index] else records.spectra[name]
     prior = of_families(load_prior(), stated.families) \
         if capture.sampling.method == "prior" else None
     return surface_result.surface_result(signals, index, summary, prior, stated.truth,

@@ -129,29 +129,26 @@ def flat_result(capture: captured.FlatCapture, records: records.CaptureRecords,
 def _photo_of_regions(capture: captured.FlatCapture, records: records.CaptureRecords,
                       view: captured.View) -> PhotoOfRegions:
     photo = records.photo.photos[view.name]
-    chart = records.chart.charts.get(view.name)
+    chart = records.charts.get(view.name)
     height, width = photo.signal.shape[:2]
     shown = capture.regions_in(view)
-    light = records.flat_signals.light.get(view.name)
+    signals = records.flat_signals
     samples = records.photo.regions.get(view.name)
     registration = records.photo.registrations.get(view.name)
     held = records.calibrate.other_charts.get(view.name)
     if not view.name and records.calibrate.chart is not None:
         held = records.calibrate.chart.left_out
-    levels, misfits, scatter, edges = {}, {}, {}, {}
-    if light is not None:
-        levels = dict(zip(shown, zip(light.level.tolist(), light.error.tolist(), strict=True),
-                          strict=True))
-        misfits = dict(light.level_misfits)
+    scatter, edges = {}, {}
     if samples is not None:
         scatter = dict(zip(samples.names, samples.scatter.max(axis=1).tolist(), strict=True))
         edges = dict(samples.edges)
     return PhotoOfRegions(
-        name=view.title, view=view.name, light=levels, level_misfits=misfits, scatter=scatter,
-        edges=edges, size_px=(round(width * photo.sensor_step), round(height * photo.sensor_step)),
+        name=view.title, view=view.name, light=signals.light.get(view.name, {}),
+        level_misfits=signals.level_misfits.get(view.name, {}), scatter=scatter, edges=edges,
+        size_px=(round(width * photo.sensor_step), round(height * photo.sensor_step)),
         outlines={name: np.array(region.outline) for name, region in shown.items()},
         chart_px=None if chart is None or not view.shows_chart else chart.detection.corners_px,
-        light_map=None if light is None else light.over_photo, lamp=_lamp(view),
+        light_map=signals.light_maps.get(view.name), lamp=_lamp(view),
         shift_px=None if registration is None else registration.shift_px,
         residual_px=None if registration is None else registration.residual_px,
         silent_bands=_silent_bands(records.signals, capture.views.index(view), samples),

@@ -1,14 +1,15 @@
 """What was found of one surface of a photo: a material of a scene, or a region of a flat sample."""
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from spectrabox.measure import estimate, extras, words
-from spectrabox.measure.regions.moved_lamp import InPlace, found_in_places
+from spectrabox.measure.regions import moved_lamp
 from spectrabox.measure.results.facts import Fact, known_facts
 from spectrabox.measure.surfaces import colour_comparison, surface_signals
 from spectrabox.radiometry.findings import Finding
@@ -81,9 +82,9 @@ class SurfaceResult(estimate.Estimate):
         return None if self.summary is None else self.summary.states
 
     @property
-    def places(self) -> tuple[InPlace, ...]:
+    def places(self) -> list[dict[str, Any]]:
         """Of a region under a lamp that was moved: gloss and level in each of its places."""
-        return found_in_places(self.signals, 0, self.gloss)
+        return moved_lamp.found_in_places(self.signals, 0, self.gloss)
 
     @property
     def lab_error(self) -> np.ndarray | None:
@@ -176,6 +177,14 @@ def _edge_facts(edge: photos.RegionEdge) -> dict[str, Any]:
             "larger_part_px": None if part is None else part.astype(int).tolist()}
 
 
+def _in_place(place: Mapping[str, Any]) -> str:
+    """Gloss and level in one place of a lamp, for a table."""
+    gloss, gloss_error, level, level_error = (
+        100 * place[name] for name in ("gloss", "gloss_error", "level", "level_error"))
+    return (f"{place['photo']}: {gloss:.1f} ± {gloss_error:.1f} %, "
+            f"{level:+.0f} ± {level_error:.0f} %")
+
+
 def _if_estimated(value: Any) -> Any:
     """A fact of surfaces that were estimated."""
     return lambda surface: None if surface.known else value(surface)
@@ -223,8 +232,8 @@ SURFACE_FACTS: tuple[Fact[SurfaceResult], ...] = (
         "lamp_places", "of a region under a lamp that was moved, for each of its places: `photo` "
         "(the first with it there), `gloss`, `gloss_error` (shares of white), `level`, "
         "`level_error` (light on the region against the chart's, relative)",
-        lambda surface: [asdict(place) for place in surface.places] or None, "gloss, level",
-        lambda places: "; ".join(InPlace(**place).text for place in places)),
+        lambda surface: surface.places or None, "gloss, level",
+        lambda places: "; ".join(map(_in_place, places))),
     Fact("gloss_kinds", "probability of each kind of surface, by its gloss",
          lambda surface: surface.gloss and surface.gloss.shares),
     _of_scores("coverage_95", "share of wavelengths at which the 95 % band holds the truth",

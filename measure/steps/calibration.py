@@ -42,7 +42,7 @@ def calibrate_flat(capture: captured.FlatCapture, records: CaptureRecords,
     CheckError
         If photos that are stated to be under one lamp show two.
     """
-    charts = records.chart.charts
+    charts = records.charts
     opened_photos.require_curves_of_bands(capture)
     work.progress(0.6, "fitting sensitivities")
     photos = _chart_photos(capture, records, None)
@@ -68,7 +68,7 @@ def calibrate_scene(capture: captured.SceneCapture, records: CaptureRecords,
     CalibrationError
         If chart and light do not determine the camera.
     """
-    charts = records.chart.charts
+    charts = records.charts
     opened_photos.require_curves_of_bands(capture)
     irradiance = _irradiance(capture, work) if charts else None
     work.progress(0.6, "fitting sensitivities")
@@ -89,7 +89,7 @@ def _chart_photos(capture: captured.Capture, records: CaptureRecords,
     if not views:
         return {}
     photos = chart_fit.as_fitted(
-        [records.chart.charts[view.name].samples for view in views],
+        [records.charts[view.name].samples for view in views],
         [capture.lit_chart] * len(views), [view.light_of_fit for view in views], irradiance,
         [view.filter_of_fit for view in views], bands)
     return {view.name: photo for view, photo in zip(views, photos, strict=True)}

@@ -47,7 +47,7 @@ def invert_photos(capture: SceneCapture, records: CaptureRecords,
     InputError
         If two cameras took photos and chart.
     """
-    require_one_camera([*(chart.thumbnail for chart in records.chart.charts.values()),
+    require_one_camera([*(chart.thumbnail for chart in records.charts.values()),
                         *records.photo.photos.values()])
     start_mitsuba(work.device)
     views = views_of(capture, records)
@@ -275,7 +275,7 @@ def scale_of_view(capture: SceneCapture, view: SceneView, photo: LinearImage,
     if view.scale is not None:
         return view.scale
     with_chart = view_of_chart(capture, view) if capture.scale_from_chart else None
-    chart = None if with_chart is None else records.chart.charts.get(with_chart.name)
+    chart = None if with_chart is None else records.charts.get(with_chart.name)
     if with_chart is None or chart is None or calibration.light_scale is None:
         return None
     scale = error_model.with_common_error(

@@ -12,12 +12,11 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from spectrabox.measure import captured, opened_photos
-from spectrabox.measure.records import CaptureRecords, KeptRecord
+from spectrabox.measure.records import CaptureRecords, KeptRecord, Record
 from spectrabox.measure.steps import calibration, declared_steps, inversion, photos, pictures
 from spectrabox.measure.steps.signals import draw_surfaces, find_signals
 from spectrabox.measure.steps.work import Work
 from spectrabox.radiometry.records.spectra import Progress
-from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.system.threads import one_blas_thread
 
 StepFunction = Callable[[Any, CaptureRecords, Work], Record]

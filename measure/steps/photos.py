@@ -17,7 +17,7 @@ from spectrabox.capture.photo import preview
 from spectrabox.capture.photo import registration as registering
 from spectrabox.capture.photo.regions import sample_regions
 from spectrabox.measure import captured, opened_photos
-from spectrabox.measure.records import CaptureRecords, ChartRecords, MeasuredChart, PhotoRecords
+from spectrabox.measure.records import CaptureRecords, MeasuredChart, PhotoRecords
 from spectrabox.measure.scene.box_camera import lens_of, scene_of
 from spectrabox.measure.steps import chart_fit
 from spectrabox.measure.steps.work import Work
@@ -30,8 +30,9 @@ from spectrabox.reconstruct.scene.scene_file import require_same_shape
 THUMBNAIL_WIDTH = 48     # pixels: a chart photo is kept only for its exposure and source
 
 
-def find_charts(capture: captured.Capture, records: CaptureRecords, work: Work) -> ChartRecords:
-    """Chart photos to patch statistics.
+def find_charts(capture: captured.Capture, records: CaptureRecords,
+                work: Work) -> dict[str, MeasuredChart]:
+    """Chart photos to patch statistics, by view.
 
     Parameters
     ----------
@@ -50,7 +51,6 @@ def find_charts(capture: captured.Capture, records: CaptureRecords, work: Work) 
     chart = capture.lit_chart
     views = capture.views_with_chart
     charts: dict[str, MeasuredChart] = {}
-    findings: list[Finding] = []
     first: tuple[photo_records.ChartDetection, registering.Edges] | None = None
     for index, view in enumerate(views):
         name = view.chart_names[0]
@@ -61,8 +61,8 @@ def find_charts(capture: captured.Capture, records: CaptureRecords, work: Work) 
         detection, expected = find_stated_chart(capture, view, photo, again)
         if capture.one_tripod and len(capture.views) > 1 and first is None:
             first = detection, registering.find_edges(photo)
-        findings += work.write_picture(view.label("overlay"),
-                                       partial(chart_overlay, photo, detection))
+        no_picture = work.write_picture(view.label("overlay"),
+                                        partial(chart_overlay, photo, detection))
         verdict = quality.judge_chart(photo, detection, expected, chart.layout,
                                       light_explained=capture.chart_scene is not None,
                                       excluded=chart.excluded)
@@ -70,11 +70,11 @@ def find_charts(capture: captured.Capture, records: CaptureRecords, work: Work) 
                                          chart.layout.neutrals, work.photos.bands(photo),
                                          bands_may_drop=capture.bands_may_drop)
         told = faults(verdict.findings)
-        findings += (*(one for one in own_findings if one not in told), *lost)
-        charts[view.name] = MeasuredChart(detection, verdict.samples,
-                                          preview.thumbnail(photo, THUMBNAIL_WIDTH), verdict.light,
-                                          verdict.findings)
-    return ChartRecords(charts, tuple(findings))
+        charts[view.name] = MeasuredChart(
+            detection, verdict.samples, preview.thumbnail(photo, THUMBNAIL_WIDTH), verdict.light,
+            verdict.findings, (*no_picture, *(one for one in own_findings if one not in told),
+                               *lost))
+    return charts
 
 
 def find_stated_chart(capture: captured.Capture, view: captured.View,
@@ -152,7 +152,7 @@ def measure_flat_photos(capture: captured.FlatCapture, records: CaptureRecords,
         photo, own_findings = work.photos.developed(view.photo)
         findings += own_findings
         opened_photos.require_one_camera([
-            *(chart.thumbnail for chart in records.chart.charts.values()), *photos.values(), photo
+            *(chart.thumbnail for chart in records.charts.values()), *photos.values(), photo
         ])
         if several and not view.name:
             first_edges = registering.find_edges(photo)
@@ -246,14 +246,14 @@ def _registration(capture: captured.FlatCapture, records: CaptureRecords, view: 
     first = capture.views[0]
     return registering.registered(first_edges, registering.find_edges(photo),
                                   (first.photo_names[0], view.photo_names[0]),
-                                  both, _charts_px(records.chart.charts, first, view))
+                                  both, _charts_px(records.charts, first, view))
 
 
 def _not_registered(capture: captured.FlatCapture, records: CaptureRecords,
                     view: captured.View) -> Finding:
     """That a photo was not compared with the first, and what its chart says."""
     first = capture.views[0]
-    chart_px = _charts_px(records.chart.charts, first, view)
+    chart_px = _charts_px(records.charts, first, view)
     return Finding("photo.not-registered", Severity.NOTE, view.photo_names[0], {
         "first": first.photo_names[0],
         "chart_px": None if chart_px is None else float(registering.distance_px(chart_px))})

@@ -113,9 +113,10 @@ def _findings(capture: FlatCapture, lit: LitPhoto) -> Iterator[findings.Finding]
     if len(views) > 1:
         yield findings.Finding("picture.photos", findings.Severity.INFO, values={
             "names": [view.title for view in views], "bands": int(lit.size[2])})
-    if lit.shown is not None and len(lit.shown.sets) > 1:
+    if lit.band_sets is not None and len(lit.band_sets[0]) > 1:
+        _, index = lit.band_sets
         yield findings.Finding("picture.fewer-photos", findings.Severity.INFO, values={
-            "share": float(np.mean((lit.shown.index > 0) & (lit.shown.flags == 0)))})
+            "share": float(np.mean((index > 0) & (lit.flags == 0)))})
 
 
 # ---- scene picture -------------------------------------------------------------------------------

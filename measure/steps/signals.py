@@ -20,7 +20,7 @@ from spectrabox.measure.steps import photos, work
 from spectrabox.measure.surfaces.surface_spectra import sample_surfaces
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Finding
-from spectrabox.radiometry.records.spectra import SpectrumSamples
+from spectrabox.radiometry.records.spectra import SpectrumSamples, SpectrumSummary
 
 
 def find_signals(capture: FlatCapture, records: step_records.CaptureRecords,
@@ -46,7 +46,9 @@ def find_signals(capture: FlatCapture, records: step_records.CaptureRecords,
     photos = flat_photos(capture, records)
     errors = flat_errors(capture, records)
     known, findings = white.agreeing_known(photos, capture.known, errors)
-    lights: dict[str, step_records.RegionLight] = {}
+    light: dict[str, dict[str, tuple[float, float]]] = {}
+    misfits: dict[str, dict[str, float]] = {}
+    light_maps: dict[str, np.ndarray] = {}
     whites = []
     for number, (view, photo) in enumerate(zip(capture.views, photos, strict=True)):
         work.progress(number / len(photos), view.photo_names[0])
@@ -54,14 +56,17 @@ def find_signals(capture: FlatCapture, records: step_records.CaptureRecords,
         whites.append(at_regions)
         findings += _write_calibrated(view, photo, known, errors, work)
         if at_regions is not None:
-            lights[view.name] = step_records.RegionLight(
-                np.exp(at_regions.log_field), at_regions.field_error,
-                dict(at_regions.level_misfits), white.light_map(photo, known, errors))
+            light[view.name] = dict(zip(at_regions.samples.names, zip(
+                np.exp(at_regions.log_field).tolist(), at_regions.field_error.tolist(),
+                strict=True), strict=True))
+            misfits[view.name] = dict(at_regions.level_misfits)
+            light_maps[view.name] = white.light_map(photo, known, errors)
             findings += at_regions.left_out
     signals = flat_signals(photos, whites, capture.families, capture.known,
                            capture.band_names(records.photo.bands), errors)
-    return step_records.SignalRecords(signals, lights, (*moved_lamp.differences_of_photos(
-        signals, [photo.name for photo in photos]), *findings))
+    return step_records.SignalRecords(
+        signals, light, misfits, light_maps, (*moved_lamp.differences_of_photos(
+            signals, [photo.name for photo in photos]), *findings))
 
 
 def known_of_signals(capture: FlatCapture,
@@ -74,7 +79,7 @@ def known_of_signals(capture: FlatCapture,
     records : CaptureRecords
         Of the steps up to the signals.
     """
-    told = {name for light in records.flat_signals.light.values() for name in light.level_misfits}
+    told = {name for misfits in records.flat_signals.level_misfits.values() for name in misfits}
     return {name: spectrum for name, spectrum in capture.known.items() if name in told}
 
 
@@ -126,7 +131,7 @@ def flat_photos(capture: FlatCapture,
     photos = []
     for view, calibration in zip(capture.views, records.calibrations(capture.views), strict=True):
         with_chart = view if view.chart else capture.views[0]
-        chart = records.chart.charts[with_chart.name]
+        chart = records.charts[with_chart.name]
         photos.append(white.FlatPhoto(
             view.title, records.photo.regions.get(view.name),
             records.photo.photos[view.name], chart.thumbnail,
@@ -159,7 +164,7 @@ def flat_errors(capture: FlatCapture, records: step_records.CaptureRecords) -> w
 # ---- the step that draws: every spectrum behind each surface's signal, of any capture ------------
 
 def draw_surfaces(capture: Capture, records: step_records.CaptureRecords,
-                  work: work.Work) -> step_records.SampleRecords:
+                  work: work.Work) -> dict[str, SpectrumSummary]:
     """Draws from all spectra behind each unknown surface's signal, and their summary.
 
     Parameters
@@ -176,5 +181,4 @@ def draw_surfaces(capture: Capture, records: step_records.CaptureRecords,
         jointly = draw_through_transport(
             records.calibrations(capture.views)[0], records.reconstruct.joint, chosen.draws,
             capture.seed, chosen.coefficients, families)
-    return step_records.SampleRecords(sample_surfaces(records.signals, chosen, capture.seed,
-                                                      families, work.progress, jointly))
+    return sample_surfaces(records.signals, chosen, capture.seed, families, work.progress, jointly)

@@ -13,7 +13,7 @@ import numpy as np
 
 from spectrabox.calibrate.colour_profile import ILLUMINANTS
 from spectrabox.capture.photo.raw import decode
-from spectrabox.measure.profiles.camera_profile import CameraProfile, camera_profile
+from spectrabox.measure.profiles.camera_profile import CameraProfile
 from spectrabox.measure.profiles.colour_profile import colour_profile, response_of_curves
 from spectrabox.radiometry import files, profile_files
 from spectrabox.radiometry.errors import InputError
@@ -67,7 +67,7 @@ def write_profiles(sensitivity: str, camera: str, out: Sequence[Path], light: st
     colours = colour_profile(response_of_curves(curves, power, grid),
                              None if draws is None else response_of_curves(draws, power, grid),
                              family, None if raw is None else _own_matrix(raw))
-    profile = camera_profile(camera, curves, grid, idt_light, colours, light, draws)
+    profile = CameraProfile(camera, curves, grid, idt_light, colours, light, draws)
     maker, _, model = camera.partition(" ")
     errors = None if draws is None else draws.std(axis=0, ddof=1)
     for path in out:

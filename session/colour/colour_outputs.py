@@ -53,7 +53,7 @@ def write_colour(config: SessionConfig, run: FinishedRun, folder: Path, space: s
             "spectrabox colour takes a session of flat samples; of a camera alone "
             "'spectrabox camera profile' writes profiles")
     records, view = run.records, capture.views[0]
-    calibration, chart = records.calibrations(capture.views)[0], records.chart.charts[""]
+    calibration, chart = records.calibrations(capture.views)[0], records.charts[""]
     fit, layout = records.calibrate.chart, capture.layout
     if len(calibration.sensitivity.curves) != 3 or fit is None:
         raise errors.InputError(
@@ -92,7 +92,7 @@ def write_colour(config: SessionConfig, run: FinishedRun, folder: Path, space: s
              "chart": {"mean": float(patches.differences.mean()),
                        "by_own_matrix": _own_mean(patches)},
              "archive": archive_quantities.archive_quantities(
-                 patches, records.flat_signals.light[view.name].over_photo)}
+                 patches, records.flat_signals.light_maps[view.name])}
     write_text_whole(folder / PAGE, _page(config, facts, profile, patches,
                                           calibration.findings))
     return facts, _text(facts, profile)

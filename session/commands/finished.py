@@ -142,7 +142,7 @@ def draws(
     from spectrabox.session.store.surface_files import FORMS, stored_draws, write_draws
     command_line.check_ending(out, FORMS)
     _, finished, stale = finished_session(folder, allow_outside)
-    drawn = stored_draws(finished.records.sample, step, count)
+    drawn = stored_draws(finished.records.spectra, step, count)
     write_draws(out, drawn)
     numbers = {name: len(values) for name, (_, values) in drawn.items()}
     nm = next(iter(drawn.values()))[0]

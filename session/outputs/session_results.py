@@ -156,5 +156,5 @@ def _used_files(config: SessionConfig, run: FinishedRun) -> tuple[UsedFile, ...]
 
 def _photos_by_file(capture: Capture, records: CaptureRecords) -> dict[str, LinearImage]:
     photos = {view.photo_names[0]: records.photo.photos[view.name] for view in capture.views}
-    return photos | {view.chart_names[0]: records.chart.charts[view.name].thumbnail
+    return photos | {view.chart_names[0]: records.charts[view.name].thumbnail
                      for view in capture.views_with_chart}

@@ -17,7 +17,7 @@ import numpy as np
 
 from spectrabox.measure import captured, extras, opened_photos, texts
 from spectrabox.measure.pictures import shown_photo
-from spectrabox.measure.records import CaptureRecords, ChartRecords
+from spectrabox.measure.records import CaptureRecords
 from spectrabox.measure.regions.flat_signals import RegionSignal
 from spectrabox.measure.regions.pointing import PointedSample, pointed_sample
 from spectrabox.measure.results.flat_result import FlatResult
@@ -157,7 +157,7 @@ class LiveSample:
             if "name" in one and one["name"] not in regions:
                 raise errors.InputError(f"there is no region {shortened(str(one['name']))}")
 
-        def titled(number: int, one: Mapping[str, Any]) -> tuple[str, captured.Region]:
+        def titled(number: int, one: Mapping[str, Any]) -> tuple[str, captured.Surface]:
             if "name" in one:
                 return one["name"], regions[one["name"]]
             return f"point {number}", part_of(sample.capture, one["role"], one["rect"])
@@ -349,7 +349,7 @@ class LiveSample:
             self._chart = ("", {})
         elif self._chart[0] != charts:
             self._chart = charts, pointed_answers.described_charts(capture,
-                                                                   done[CHART].read(ChartRecords))
+                                                                   CaptureRecords(done).charts)
         if len(done) < 2:
             self._sample = None
             self._begin(wanted)
@@ -422,7 +422,7 @@ def depends_on(sample: PointedSample, name: str) -> str:
         "stray light": capture.stray_light})
 
 
-def part_of(capture: captured.FlatCapture, role: str, rect: Sequence[float]) -> captured.Region:
+def part_of(capture: captured.FlatCapture, role: str, rect: Sequence[float]) -> captured.Surface:
     """A rectangle of a photo that is no region yet.
 
     Parameters
@@ -441,5 +441,5 @@ def part_of(capture: captured.FlatCapture, role: str, rect: Sequence[float]) -> 
     titles = [view.title for view in capture.views]
     if role not in titles:
         raise errors.InputError("a photo of the samples is needed")
-    return captured.Region(outline=captured.rectangle(rect), surface=capture.finish,
+    return captured.Surface(outline=captured.rectangle(rect), surface=capture.finish,
                            photos=(role, ) if len(titles) > 1 else ())

@@ -5,7 +5,7 @@ import itertools
 import tempfile
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
@@ -38,25 +38,33 @@ class PhotoFile:
     orientation: int = preview.AS_READ      # as EXIF numbers it
 
 
-@dataclass(frozen=True)
 class OpenPhoto:
-    """A photo's signal, without what takes longer: its noise and where it is clipped."""
+    """A photo's signal, without what takes longer: its noise and where it is clipped.
 
-    signal: np.ndarray      # (H, W, K) linear
-    step: float             # pixels of the sensor a side of one of these
-    white: tuple[float, ...]    # what is shown as full brightness of each band
-    camera: PhotoLook | None    # by the camera's own matrix, before there is a calibration
-    # made as they are asked for: the signal halved so many times, and tiles as files by look
-    halved: dict[int, np.ndarray] = field(default_factory=dict)
-    tiles: dict[tuple[str, int, int, int], bytes] = field(default_factory=dict)
+    Parameters
+    ----------
+    signal : (H, W, K) array
+        Linear.
+    step : float
+        Pixels of the sensor a side of one of these.
+    camera_from_xyz : (3, 3) array or None
+        The camera's own matrix, by which it is shown before there is a calibration.
+    """
+
+    def __init__(self, signal: np.ndarray, step: float,
+                 camera_from_xyz: np.ndarray | None) -> None:
+        self.signal, self.step = signal, step
+        self._white = preview.whites(signal)    # what is shown as full brightness of each band
+        self.camera = camera_look(camera_from_xyz, self._white) \
+            if signal.shape[2] == len(self._white) else None
+        self.tiles: dict[tuple[str, int, int, int], bytes] = {}     # as files by look
+        self._halved = {0: signal}      # the signal, so many times
 
     def reduced(self, halvings: int) -> np.ndarray:
         """The signal, halved so many times."""
-        if halvings == 0:
-            return self.signal
-        if halvings not in self.halved:
-            self.halved[halvings] = halved(self.reduced(halvings - 1))
-        return self.halved[halvings]
+        if halvings not in self._halved:
+            self._halved[halvings] = halved(self.reduced(halvings - 1))
+        return self._halved[halvings]
 
     @property
     def size(self) -> tuple[int, int]:
@@ -68,7 +76,7 @@ class OpenPhoto:
         """A tile (h, w, 3) uint8 by a look; None: bands as the camera read them."""
         cut = self.reduced(halvings)[top:top + TILE, left:left + TILE]
         if look is None:
-            return preview.signal_rgb8(cut, white=self.white)
+            return preview.signal_rgb8(cut, white=self._white)
         y_px, x_px = ((start + np.arange(count) + 0.5) * 2**halvings * self.step - 0.5
                       for start, count in zip((top, left), cut.shape[:2], strict=True))
         return look.rgb8(cut, x_px, y_px)
@@ -127,8 +135,8 @@ class PhotoViews:
         """
         key = _key(file)
         with self._lock:
-            _kept(self._photos, key, lambda: _open_photo(image.signal, image.sensor_step,
-                                                         image.camera_from_xyz))
+            _kept(self._photos, key, lambda: OpenPhoto(image.signal, image.sensor_step,
+                                                        image.camera_from_xyz))
             _kept(self._clipped, key, lambda: image.saturated)
 
     def calibrate(self, looks: Mapping[Path, PhotoLook], kind: str = CALIBRATED) -> None:
@@ -296,13 +304,7 @@ def _opened(file: PhotoFile) -> OpenPhoto:
         frame, *further = raw.decode(file.path)
         if not further:
             signal = preview.turned_array(signal_alone(frame), file.orientation)
-            return _open_photo(signal, float(tile_step(frame.cfa, frame.file)),
-                               frame.camera_from_xyz)
+            return OpenPhoto(signal, float(tile_step(frame.cfa, frame.file)),
+                             frame.camera_from_xyz)
     image = preview.turned(open_any(file.path, not_linear=True), file.orientation)
-    return _open_photo(image.signal, image.sensor_step, image.camera_from_xyz)
-
-
-def _open_photo(signal: np.ndarray, step: float, camera_from_xyz: np.ndarray | None) -> OpenPhoto:
-    white = preview.whites(signal)
-    return OpenPhoto(signal, step, white,
-                     camera_look(camera_from_xyz, white) if signal.shape[2] == len(white) else None)
+    return OpenPhoto(image.signal, image.sensor_step, image.camera_from_xyz)

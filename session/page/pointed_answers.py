@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from spectrabox.measure import captured, conditions, opened_photos, rules, texts
-from spectrabox.measure.records import ChartRecords, SampleRecords
+from spectrabox.measure.records import MeasuredChart
 from spectrabox.measure.regions.flat_signals import RegionSignal
 from spectrabox.measure.regions.pointing import PointedSample
 from spectrabox.measure.results.flat_result import FlatResult, flat_result
@@ -35,17 +35,18 @@ def answered_or_refused(estimate: Callable[[], dict[str, Any]]) -> dict[str, Any
         return {"refused": str(error)}
 
 
-def described_charts(capture: captured.FlatCapture, records: ChartRecords) -> dict[str, Any]:
+def described_charts(capture: captured.FlatCapture,
+                     charts: Mapping[str, MeasuredChart]) -> dict[str, Any]:
     """Of each photo with a chart, by the title of its role: patches, and whether to use it."""
-    charts = {}
+    described = {}
     for view in capture.views_with_chart:
-        chart = records.charts[view.name]
+        chart = charts[view.name]
         role = view.title if view.shows_chart else f"{view.name} chart".strip()
-        charts[role] = {"patches": np.round(chart.detection.corners_px, 1).tolist(),
-                        "verdict": "RE-SHOOT" if findings.faults(chart.findings) else "GOOD",
-                        "reasons": texts.reasons(chart.findings),
-                        "findings": [texts.facts(finding) for finding in chart.findings]}
-    return charts
+        described[role] = {"patches": np.round(chart.detection.corners_px, 1).tolist(),
+                           "verdict": "RE-SHOOT" if findings.faults(chart.findings) else "GOOD",
+                           "reasons": texts.reasons(chart.findings),
+                           "findings": [texts.facts(finding) for finding in chart.findings]}
+    return described
 
 
 def described_region(sample: PointedSample, signal: RegionSignal,
@@ -69,7 +70,7 @@ def described_truth(truth: Spectrum, nm: np.ndarray, mean: np.ndarray) -> dict[s
                                          np.interp(grid.FINE_GRID.nm, nm, mean)), 2)}
 
 
-def described_part(sample: PointedSample, region: captured.Region) -> dict[str, Any]:
+def described_part(sample: PointedSample, region: captured.Surface) -> dict[str, Any]:
     """The same of any part of a photo, in closed form."""
     signal, posterior = sample.pointed(region)
     nm = PRIOR_GRID.nm
@@ -80,7 +81,7 @@ def described_part(sample: PointedSample, region: captured.Region) -> dict[str, 
 
 
 def described_comparison(sample: PointedSample,
-                         picked: Sequence[tuple[str, captured.Region]]) -> dict[str, Any]:
+                         picked: Sequence[tuple[str, captured.Surface]]) -> dict[str, Any]:
     """Two parts of photos beside each other, each with its title."""
     (first, region), (second, other) = picked
     pointed = [sample.pointed(region), sample.pointed(other)]
@@ -173,15 +174,15 @@ def result_now(sample: PointedSample,
         As the steps.
     """
     capture, records = sample.capture, sample.records
-    keeper = measurement.MemoryKeeper(kept={"chart": records.chart, "calibrate": records.calibrate})
+    keeper = measurement.MemoryKeeper(kept={"chart": records.charts,
+                                            "calibrate": records.calibrate})
     work = Work(PhotosAtHand(capture, sample.images), lambda share, message: None)
     keeper.keep(declared_steps.FLAT_PHOTOS, lambda progress, folder: photos.measure_flat_photos(
         capture, keeper.records, work))
     keeper.keep(declared_steps.SIGNALS,
                 lambda progress, folder: signals.find_signals(capture, keeper.records, work))
-    keeper.keep(declared_steps.FLAT_SPECTRA, lambda progress, folder: SampleRecords(
-        {name: drawn(name) for name, region in capture.regions.items()
-         if region.known is None}))
+    keeper.keep(declared_steps.FLAT_SPECTRA, lambda progress, folder: {
+        name: drawn(name) for name, region in capture.regions.items() if region.known is None})
     return flat_result(capture, keeper.records)
 
 

@@ -133,7 +133,7 @@ def opened_arrays(path: Path) -> Iterator[Mapping[str, np.ndarray]]:
 # ---- stored results of a session -----------------------------------------------------------------
 
 FACTS, ARRAYS = "facts.json", "arrays.npz"
-FORMAT = 5      # of the stored records; a stage of another is made again
+FORMAT = 6      # of the stored records; a stage of another is made again
 T = TypeVar("T")
 
 
@@ -183,7 +183,7 @@ class StoredStage:
             with opened_arrays(self.folder / ARRAYS) as arrays:
                 record: T = unpack(kind, node, arrays)
                 return record
-        except (KeyError, TypeError, ValueError) as error:
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise errors.InputError(f"the stored results of stage {self.folder.name} are damaged "
                              f"({error!r}): remove {self.folder} and run again") from None
 
@@ -263,7 +263,7 @@ def save_stage(folder: Path, key: dict[str, Any], records: Any, seconds: float,
     """
     arrays: dict[str, Any] = {}
     facts = {"format": FORMAT, "key": key, "seconds": round(seconds, 3), **more,
-             "records": pack(records, "", arrays)}
+             "records": pack(records, "records", arrays)}
     with files.writable(folder.parent):
         save_arrays(folder / ARRAYS, arrays)
         (folder / FACTS).write_text(json.dumps(facts, indent=1), encoding="utf-8")

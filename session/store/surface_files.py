@@ -16,7 +16,6 @@ import numpy as np
 
 from spectrabox.capture.photo.image_writers import write_exr, write_png
 from spectrabox.measure.pictures import texture_files
-from spectrabox.measure.records import SampleRecords
 from spectrabox.measure.results import capture_result, scene_result, surface_result
 from spectrabox.radiometry import appearance, errors, files, grid
 from spectrabox.radiometry.records import scenes, spectra
@@ -32,14 +31,14 @@ COLUMNS = ("surface", "draw", "wavelength_nm", "reflectance")
 MAX_ROWS = 50_000_000       # of a long form
 
 
-def stored_draws(records: SampleRecords, step_nm: int,
+def stored_draws(summaries: Mapping[str, spectra.SpectrumSummary], step_nm: int,
                  draws: int | None) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Wavelengths (P,) and draws (n, P) of every surface whose spectrum was not given.
 
     Parameters
     ----------
-    records : SampleRecords
-        Of a finished session.
+    summaries : mapping
+        Of a finished session, by surface.
     step_nm : int
         Between wavelengths: those that are whole steps from the first are kept.
     draws : int or None
@@ -50,11 +49,11 @@ def stored_draws(records: SampleRecords, step_nm: int,
     InputError
         If there are none.
     """
-    if not records.spectra:
+    if not summaries:
         raise errors.InputError(
             "every spectrum of this session was given; there are no draws to write")
     draws_of = {}
-    for name, summary in records.spectra.items():
+    for name, summary in summaries.items():
         nm = summary.draws.grid.nm
         kept = grid.at_whole_steps(nm, step_nm)
         draws_of[name] = nm[kept], summary.draws.spectra[:draws, kept]

@@ -26,7 +26,6 @@ from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.records.calibration import Calibration, LightScale
 from spectrabox.radiometry.records.scenes import JointReconstruction
 from spectrabox.radiometry.records.spectra import Spectrum
-from spectrabox.radiometry.shaped import Record
 from spectrabox.radiometry.spectra.given_spectra import KnownSpectrum
 from spectrabox.radiometry.system.threads import one_blas_thread
 from spectrabox.reconstruct.rendering.renderer import threads_given_back
@@ -242,7 +241,7 @@ def reconstruct_scene(photo: str | Path | Photo, *, scene: str | Path, light: ar
                                                                flat=flat_field)
     if (camera is None) == (chart_photo is None):
         raise InputError("the camera is needed: give camera= or the photo of a chart, chart_photo=")
-    kept: dict[str, Record | records.KeptRecord] = {}
+    kept: dict[str, records.Record | records.KeptRecord] = {}
     scale = None
     if camera is not None:
         calibration, glare, scale = _calibration(camera, spectrum, opened, Repeatability())
