@@ -14,7 +14,7 @@ from spectrabox.calibrate.light_field import FLAT_SHARE, light_at_regions
 from spectrabox.measure.pictures import picture_maps
 from spectrabox.measure.pictures.pixel_errors import PixelErrors, White
 from spectrabox.measure.regions import white as module
-from spectrabox.measure.regions.flat_signals import errors_of_region, flat_signals
+from spectrabox.measure.regions.flat_signals import flat_signals
 from spectrabox.measure.regions.white import (
     FlatErrors,
     FlatPhoto,
@@ -22,9 +22,7 @@ from spectrabox.measure.regions.white import (
 )
 from spectrabox.radiometry.chart import plane_centres
 from spectrabox.radiometry.error_model import (
-    DISAGREEMENT,
     LIGHT_FIELD,
-    PHOTO_NOISE,
     REPEATABILITY,
     ROUNDED_EXPOSURES,
     SAMPLE_PLANE,
@@ -252,17 +250,6 @@ def test_light_over_a_picture_is_the_mixture_of_every_kind_of_lamp(monkeypatch):
                                covariance / np.outer(size, size), atol=0.02)
     np.testing.assert_allclose(level, LEVEL * np.exp(draws[:, :3].mean(axis=0)), rtol=1e-3)
     np.testing.assert_allclose(log_light, draws[:, 6:].mean(axis=0), atol=1e-3)
-
-
-@pytest.mark.parametrize("photos", [1, 2, 4])
-def test_noise_is_averaged_over_photos_and_what_they_share_is_not(seen, photos):
-    white = seen()
-    estimate = errors_of_region("cloth", [(flat_photo(), white)] * photos, ERRORS)
-    np.testing.assert_allclose(estimate[PHOTO_NOISE], white.noise(0) / photos, rtol=1e-12)
-    for cause, covariance in white.errors(0).items():
-        np.testing.assert_allclose(estimate[cause], covariance, rtol=1e-12)
-    both = np.outer(white.signal[0], white.signal[0])
-    np.testing.assert_allclose(estimate[DISAGREEMENT], both * ERRORS.disagreement.among_bands(3))
 
 
 def test_a_band_that_is_saturated_in_one_of_several_photos_says_nothing(seen):
