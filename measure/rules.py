@@ -5,7 +5,7 @@ finding's words are in ``measure.texts``; what a result rests on is in ``measure
 """
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -368,20 +368,27 @@ def light_change(found: flat_result.FlatResult) -> list[Finding]:
 
 def known_levels(found: flat_result.FlatResult) -> list[Finding]:
     """How far the stated levels of known regions are from what the chart's light gives."""
-    misfits = {name: size for photo in found.photos for name, size in photo.level_misfits.items()}
+    misfits = largest_of_photos(photo.level_misfits for photo in found.photos)
     if not misfits:
         return []
-    name = max(misfits, key=lambda one: abs(misfits[one]))
-    size = abs(misfits[name])
-    return [Finding("flat.known-level", graded(size, white.LEVEL_DOUBTED), name, {
-        "value": size, "passes": white.LEVEL_DOUBTED,
-        "surfaces": [each for each, misfit in misfits.items()
-                     if abs(misfit) > white.LEVEL_DOUBTED]})]
+    name = max(misfits, key=lambda one: misfits[one])
+    return [Finding("flat.known-level", graded(misfits[name], white.LEVEL_DOUBTED), name, {
+        "value": misfits[name], "passes": white.LEVEL_DOUBTED,
+        "surfaces": [each for each, misfit in misfits.items() if misfit > white.LEVEL_DOUBTED]})]
+
+
+def largest_of_photos(of_photos: Iterable[Mapping[str, float]]) -> dict[str, float]:
+    """The largest size of what each region has in any photo, by the region's name."""
+    largest: dict[str, float] = {}
+    for one in of_photos:
+        for name, value in one.items():
+            largest[name] = max(abs(value), largest.get(name, 0.0))
+    return largest
 
 
 def uneven_regions(found: flat_result.FlatResult) -> list[Finding]:
     """Whether each region can be one paint, by what its pixels scatter."""
-    scatter = {name: value for photo in found.photos for name, value in photo.scatter.items()}
+    scatter = largest_of_photos(photo.scatter for photo in found.photos)
     if not scatter:
         return []
     name = max(scatter, key=lambda one: scatter[one])
