@@ -8,8 +8,10 @@ import pytest
 
 from spectrabox.measure import rules
 from spectrabox.radiometry.findings import Finding, Severity
+from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records.photos import EdgeKind, RegionEdge
 from spectrabox.radiometry.records.scenes import SurfaceAgreement
+from spectrabox.radiometry.records.spectra import Quantity, Spectrum
 
 BANDS = ("R", "G", "B")
 
@@ -214,3 +216,60 @@ def test_processed_photos_and_findings_of_charts_are_said_by_photo():
     good, bad = rules.chart_photos(found)
     assert (good.code, good.subject) == ("chart.good", "")
     assert (bad.code, bad.subject) == ("chart.glare", "second")
+
+
+def test_a_surface_that_is_off_is_named_unless_it_was_as_a_misfit_in_any_photo():
+    of = agreement([1.06, 0.92, 1], [1.2, 1, 1], [1.049, 1, 1], [1, 1, 1.3], [np.nan] * 3)
+    of_second = made(agreement([1] * 3), [Finding("scene.misfit", Severity.NOTE, "d", {})])
+    found = SimpleNamespace(
+        reconstruction=made(of, [Finding("scene.misfit", Severity.NOTE, "b", {})]), bands=BANDS,
+        views={"second": (None, of_second)})
+    (one,) = rules.surfaces_off(found)
+    assert (one.code, one.subject, one.values["band"]) == ("scene.surface-off", "a", "G")
+    assert one.values["value"] == pytest.approx(-0.08)
+
+
+@pytest.mark.parametrize("known, from_chart, scale, said", [
+    ((True, False), True, 1.0, []), ((True, False), False, 1.0, ["scene.scale-of-known"]),
+    ((True, False), True, None, ["scene.scale-of-known"]), ((False, False), False, None, [])])
+def test_known_surfaces_tell_the_light_where_no_chart_does(known, from_chart, scale, said):
+    fit = SimpleNamespace(basis=None, residuals=np.zeros(3))
+    found = SimpleNamespace(
+        calibration=SimpleNamespace(sensitivity=fit, light_scale=scale), level_error=None,
+        surfaces=[SimpleNamespace(known=one) for one in known],
+        stated=SimpleNamespace(flat_fields=("flat.dng",), scale_from_chart=from_chart))
+    assert [one.code for one in rules.not_corrected(found)] == said
+    found.stated.flat_fields, fit.residuals, found.level_error = (), None, 0.2
+    level = [one for one in rules.not_corrected(found) if one.code == "scene.level-by-prior"]
+    assert [one.severity for one in level] == [Severity.WARN]
+    assert [one.code for one in rules.not_corrected(found)] == [
+        "scene.no-flat-field", "scene.level-by-prior", "camera.of-file"]
+    fit.basis = object()        # a chart was fitted
+    assert "camera.of-file" not in [one.code for one in rules.not_corrected(found)]
+
+
+def truth_of(off, spread):
+    """A surface whose stated truth is off by so much at each wavelength."""
+    grid = visible_grid(100)
+    mean = np.full(grid.nm.size, 0.4)
+    return SimpleNamespace(
+        truth=Spectrum(grid, mean + off, Quantity.REFLECTANCE, "stated"),
+        summary=SimpleNamespace(grid=grid, mean=mean, standard_deviation=np.broadcast_to(
+            spread, mean.shape)))
+
+
+def test_a_truth_is_of_another_surface_where_it_is_far_off_in_the_mean_over_wavelengths():
+    near, far = truth_of(0.1, 0.05), truth_of([0, 0.2, 0, -0.2], [0.05, 0.02, 0.05, 0.02])
+    near.name, far.name = "near", "far"
+    (one,) = rules.stated_truths(SimpleNamespace(surfaces=[near, far]))
+    assert (one.code, one.subject, one.severity) == ("truth.of-another", "far", Severity.WARN)
+    assert one.values["value"] == pytest.approx(np.sqrt(200 / 4))
+    assert one.values["surfaces"] == ["far"]
+    (fine,) = rules.stated_truths(SimpleNamespace(surfaces=[near]))
+    assert (fine.code, fine.values["value"]) == ("truth.possible", pytest.approx(2.0))
+    # no spectrum is known to better than spectra repeat
+    sure = truth_of(0.004, 1e-6)
+    sure.name = "sure"
+    (two,) = rules.stated_truths(SimpleNamespace(surfaces=[sure]))
+    assert two.values["value"] == pytest.approx(2.0)
+    assert rules.stated_truths(SimpleNamespace(surfaces=[])) == []
