@@ -13,7 +13,7 @@ from spectrabox.session.page.server import page_app, page_config
 from spectrabox.session.page.session_page import SessionPage
 
 TOKEN = "a-token-of-the-tests"
-MAX_WAIT_MS = 120_000
+MAX_WAIT_MS = 600_000        # a test waits for a state, and the machine may be busy
 # what a browser says of a request that met the end of the server
 ENDED = ("ERR_CONNECTION_REFUSED", "ERR_CONNECTION_RESET", "ERR_EMPTY_RESPONSE",
          "ERR_INCOMPLETE_CHUNKED_ENCODING", "ERR_CONTENT_LENGTH_MISMATCH")

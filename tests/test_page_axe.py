@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from spectrabox.session.cli import app
 from spectrabox.session.page.start_page import StartPage
 
-MAX_WAIT_MS = 120_000
+MAX_WAIT_MS = 600_000        # a test waits for a state, and the machine may be busy
 SCHEMES = ("light", "dark")
 
 

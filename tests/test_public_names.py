@@ -225,7 +225,7 @@ def test_a_session_that_another_process_ran_again_is_read_again(finished):
     text = settings.read_text(encoding="utf-8")
     settings.write_text(text.replace("draws = 1000", "draws = 1100"), encoding="utf-8")
     sb.Session(finished).run()
-    assert len(session.spectra.records.sample.spectra["cube"].samples.spectra) == 1100
+    assert len(session.spectra.records.spectra["cube"].samples.spectra) == 1100
 
 
 def test_an_image_without_pixels_is_refused():
