@@ -157,20 +157,6 @@ def test_a_card_of_known_spectrum_tells_of_white_what_conditioning_on_it_tells(
                                                  else 0.9) * REPEATS
 
 
-def test_a_card_that_is_clipped_in_a_band_tells_what_its_other_bands_tell(seen):
-    white, target = seen(), SURFACES[1] * 1.004
-    clipped, estimates = np.array([[False] * 3, [False, True, False]]), []
-    for reading in (1.0, 0.7):      # in the clipped band; so far off it would be another light
-        mean = white.samples.mean * [1, reading, 1]
-        card = dataclasses.replace(white, samples=dataclasses.replace(
-            white.samples, mean=mean, clipped=clipped))
-        estimates.append(condition_on_known(card, {"card": target}, {"card": np.zeros((3, 3))}))
-    first, second = estimates
-    np.testing.assert_array_equal(first.mean, second.mean)
-    assert np.abs(first.mean).max() > 0 and first.level_misfits == second.level_misfits
-    assert first.covariance[0, 0] < white.covariance[0, 0]
-
-
 def test_the_map_of_the_light_shows_what_a_known_card_said(monkeypatch):
     """Where the card lies the map has the card's small error, further away the chart's."""
     def smooth(_, __, points):

@@ -252,8 +252,8 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 def _leave(number: int, frame: FrameType | None) -> None:
     """End a process that waits for a task, if nobody is left to give it one.
 
-    While the parent lives, it ends the process itself. A process that left in the middle of its
-    words would have taken half of a message, and another process would read the rest.
+    A parent that lives ends it itself. A process that left while it read its next task would have
+    taken half of a message, and another process would read the rest as a message of its own.
     """
     parent = multiprocessing.parent_process()
     if parent is None or not parent.is_alive():

@@ -442,4 +442,4 @@ def part_of(capture: captured.FlatCapture, role: str, rect: Sequence[float]) -> 
     if role not in titles:
         raise errors.InputError("a photo of the samples is needed")
     return captured.Surface(outline=captured.rectangle(rect), surface=capture.finish,
-                           photos=(role, ) if len(titles) > 1 else ())
+                            photos=(role, ) if len(titles) > 1 else ())

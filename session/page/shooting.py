@@ -5,6 +5,7 @@ import contextlib
 import stat
 import threading
 import time
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,21 @@ GOOD, RE_SHOOT, FAULT = "GOOD", "RE-SHOOT", "FAULT"
 FileState = tuple[int, int]     # bytes, and time of the last change in ns
 
 
+@dataclass(frozen=True)
+class Shot:
+    """One new photo and what it is good for."""
+
+    file: str
+    verdict: str                    # GOOD, RE-SHOOT, or FAULT where this program failed
+    reasons: list[str]              # what to do about it, or why it cannot be read
+    findings: list[dict[str, Any]]  # as ``measure.texts.facts``
+    chart: bool                     # whether a chart is in it
+    clipped: tuple[float, ...]      # share of pixels, by band
+    brightest: tuple[float, ...]    # of saturation, by band
+    stops: float                    # by which a longer exposure would be right; negative: shorter
+    seconds: float                  # from the file's last change to the verdict
+
+
 class Shooting:
     """A folder whose new photos are judged while it is watched.
 
@@ -42,7 +58,7 @@ class Shooting:
         self.folder, self._chart = folder, chart
         self._judged_states = self._states()    # what lay there before is left alone
         self._arriving: dict[str, tuple[FileState, float]] = {}     # and since when it is so
-        self._shots: dict[str, dict[str, Any]] = {}     # as the page has them, the last one last
+        self._shots: dict[str, Shot] = {}       # the last one last
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._watch, daemon=True)
 
@@ -57,7 +73,7 @@ class Shooting:
     def state(self) -> dict[str, Any]:
         """What the page shows: the folder, shots with the last first, and what is coming in."""
         return {"folder": plain(str(self.folder)),
-                "shots": list(self._shots.values())[::-1],
+                "shots": [asdict(shot) for shot in list(self._shots.values())[::-1]],
                 "arriving": sorted(plain(name) for name in list(self._arriving))}
 
     def path(self, file: str) -> Path:
@@ -69,7 +85,7 @@ class Shooting:
             If there is none.
         """
         for name, shot in list(self._shots.items()):
-            if shot["file"] == file:
+            if shot.file == file:
                 return self.folder / name
         raise errors.InputError(f"{shortened(file)} is no new photo of {self.folder}")
 
@@ -113,10 +129,8 @@ class Shooting:
             self._judged_states[name] = state
             del self._arriving[name]
 
-    def _judged(self, name: str, since: float, give_up: bool) -> dict[str, Any] | None:
-        """A new photo as the page shows it, and what it is good for: GOOD, RE-SHOOT, or FAULT where
-        this program failed; None where the file cannot be read yet.
-        """
+    def _judged(self, name: str, since: float, give_up: bool) -> Shot | None:
+        """The verdict; None where the file cannot be read yet."""
         try:
             path = self.folder / name
             image = turned(open_any(path, not_linear=True), photo_orientation(path))
@@ -127,16 +141,12 @@ class Shooting:
             verdict, reason = FAULT, ("a fault of spectrabox, not of the photo: "
                                       + describe_error(error)[0])
         else:
-            # shares of pixels and of saturation by band; stops below 0 are of a shorter exposure
-            return {"file": plain(name), "verdict": RE_SHOOT if faults(findings) else GOOD,
-                    "reasons": texts.reasons(findings),
-                    "findings": [texts.facts(one) for one in findings], "chart": chart,
-                    "clipped": photo_quality.clipped_share(image),
-                    "brightest": photo_quality.brightest_signal(image),
-                    "stops": photo_quality.exposure_stops(image),
-                    "seconds": time.monotonic() - since}
+            return Shot(plain(name), RE_SHOOT if faults(findings) else GOOD,
+                        texts.reasons(findings), [texts.facts(one) for one in findings], chart,
+                        photo_quality.clipped_share(image), photo_quality.brightest_signal(image),
+                        photo_quality.exposure_stops(image),
+                        time.monotonic() - since)
         if not give_up:
             return None
-        return {"file": plain(name), "verdict": verdict, "reasons": [plain(reason)],
-                "findings": [], "chart": False, "clipped": (), "brightest": (), "stops": 0.0,
-                "seconds": time.monotonic() - since}
+        return Shot(plain(name), verdict, [plain(reason)], [], False, (), (), 0.0,
+                    time.monotonic() - since)
