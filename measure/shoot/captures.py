@@ -97,7 +97,8 @@ class _Reader:
     def flat_capture(self) -> captured.FlatCapture:
         views = tuple(captured.View(**self._view(view)) for view in self.shoot.all_views)
         regions = {name: captured.Surface(**self._surface(section), outline=section.outline(),
-                                          photos=section.photos, known_error=self._known_error(section))
+                                          photos=section.photos,
+                                          known_error=self._known_error(section))
                    for name, section in self.shoot.regions.items()}
         return captured.FlatCapture(views=views, regions=regions, **self._common())
 
