@@ -102,7 +102,8 @@ class LocalPosteriors:
     def _weights(self, own: slice, away: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Weights and surprises (n, c) of a centre's components for signals so far away (n, r)."""
         count, bands = away.shape
-        whitened = away @ self.root[own].transpose(1, 0, 2).reshape(bands, -1)
+        with np.errstate(invalid="ignore"):     # BLAS may read, and flag, beyond a single row's end
+            whitened = away @ self.root[own].transpose(1, 0, 2).reshape(bands, -1)
         whitened = whitened.reshape(count, -1, bands) + self.residual[own]
         chi_square = np.einsum("ncr,ncr->nc", whitened, whitened)
         weights = self.log_weight[own] - chi_square / 2
