@@ -112,7 +112,7 @@ def _entry(name: str) -> str:
         return "\n".join(lines + _tables(sections, name))
     own = methods_of(value)
     base = value.__mro__[1]
-    if base.__module__.startswith("spectrabox."):
+    if base.__name__ in dir(sb):
         lines.append(f"Has all that [`{base.__name__}`](#{base.__name__.lower()}) has, and:\n")
     properties = [(key, part) for key, part in own.items() if not inspect.isfunction(part)]
     attributes = items(sections.pop("Attributes", "")) + [

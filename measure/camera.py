@@ -1,14 +1,15 @@
 """A camera from photos of a chart and the spectrum of its light.
 
-``chart_in_photo`` takes the patches from a photo; ``measure_camera`` fits the curves of a capture
-with their band, and checks them on patches that no fit saw. Files are read and written by the
-callers.
+``chart_in_photo`` takes the patches from a photo; ``CameraFit.of_charts`` fits the curves of a
+capture with their band, and checks them on patches that no fit saw. Files are read and written by
+the callers.
 """
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -53,6 +54,7 @@ class ChartSignals:
     samples: photos.PatchSamples
     bands: tuple[str, ...]
     findings: tuple[Finding, ...] = ()
+    photo: photos.LinearImage | None = None     # None of a table
 
 
 def chart_in_photo(photo: photos.LinearImage, stated: captured.Capture) -> ChartSignals:
@@ -61,7 +63,8 @@ def chart_in_photo(photo: photos.LinearImage, stated: captured.Capture) -> Chart
     expected = chart_signals(chart.layout, chart.reflectances, FINE_GRID)
     _, samples = chart_fit.find_patches(photo, expected, chart.layout, chart.corners_px,
                                         excluded=chart.excluded)
-    return ChartSignals(photo.source, samples, spectra.default_band_names(photo.signal.shape[2]))
+    return ChartSignals(photo.source, samples, spectra.default_band_names(photo.signal.shape[2]),
+                        photo=photo)
 
 
 def judged_chart(
@@ -95,25 +98,69 @@ def judged_chart(
     return detection, quality.judge_chart(photo, detection, signals, chart, excluded=excluded)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class CameraFit:
     """A camera's curves with everything that led to them.
 
     ``chart`` holds those that belong to the stated light, ``sensitivity`` the camera's own.
+    ``photo`` is the first of a chart: its exposure tells the light's strength in other photos.
     """
 
     chart: chart_calibration.ChartCalibration
     sensitivity: calibration.SensitivityFit
     draws: np.ndarray | None        # (T, K, P) of the curves; None by methods without a posterior
-    band: tuple[np.ndarray, np.ndarray] | None  # (K, P), 90 %; None for measured curves
+    # lower and upper (K, P), 90 %; None for measured curves
+    curve_band: tuple[np.ndarray, np.ndarray] | None
     held_out: calibration.HeldOutPatches  # of the first photo, each by a calibration without it
-    photos: tuple[chart_photo.ChartPhoto, ...]
+    chart_photos: tuple[chart_photo.ChartPhoto, ...]
     bands: tuple[str, ...]          # K names
     of_signals: tuple[Finding, ...]
+    photo: photos.LinearImage | None    # None of patches that were given as numbers
+
+    @classmethod
+    def of_charts(cls, shown: Sequence[ChartSignals], stated: Sequence[captured.Capture],
+                  seed: int = 0) -> Self:
+        """The curves of the camera that took some photos of a chart.
+
+        Parameters
+        ----------
+        shown : sequence of ChartSignals
+            One for each photo.
+        stated : sequence of Capture
+            One for each photo, or one for all. How the curves are fitted, and where light and chart
+            stood, is stated with the first.
+        seed : int
+            Of the draws of the curves.
+
+        Raises
+        ------
+        InputError
+            If photos are of other bands, or two are the same.
+        CheckError, CalibrationError
+            As ``calibrate_chart``.
+        """
+        first = stated[0]
+        chosen, scene = first.sensitivity, first.chart_scene
+        _require_one_camera(shown)
+        first.band_names(shown[0].bands)        # refuses measured curves of other bands
+        irradiance = None if scene is None else chart_fit.irradiance_on(first.layout, scene,
+                                                                        first.seed, "auto")
+        charts = photos_of_charts(shown, stated, irradiance)
+        fit, held_out = chart_fit.fit(charts, FINE_GRID, chosen)
+        curves, draws = camera_curves(fit), curve_draws(fit, seed)
+        band = curve_band(fit, draws)
+        if scene is not None:
+            error = chart_fit.lamp_error(first.layout, scene, first.repeatability.lamp_position,
+                                         first.seed)
+            fit = replace(fit, calibration=chart_fit.with_lamp_error(fit.calibration, error))
+        return cls(fit, curves, draws, band, held_out, tuple(charts), shown[0].bands,
+                   tuple(finding for one in shown for finding in one.findings), shown[0].photo)
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
-        """What was found of light, camera and chart; causes before symptoms."""
+        """What was found, each with ``code``, ``severity``, ``subject`` and ``values``: of light,
+        camera and chart; causes before symptoms.
+        """
         return (*rules.of_camera(self), *self.of_signals)
 
     @property
@@ -128,7 +175,7 @@ class CameraFit:
 
     @property
     def says(self) -> str:
-        """What was fitted, how surely, and what speaks against it."""
+        """What was fitted, how surely, and what speaks against it, in one sentence."""
         severity = worst(self.findings)
         against = [*dict.fromkeys(texts.says(one) for one in faults(self.findings)
                                   if one.severity is severity)]
@@ -150,7 +197,7 @@ class CameraFit:
     @property
     def light(self) -> str:
         """What is known of the light of each photo, in words."""
-        return ", ".join(light_words(photo.light) for photo in self.photos)
+        return ", ".join(light_words(photo.light) for photo in self.chart_photos)
 
     @property
     def source(self) -> str:
@@ -162,7 +209,7 @@ class CameraFit:
 
     def facts(self) -> dict[str, object]:
         """As ``spectrabox camera fit --json`` names them (docs/reference/json.md)."""
-        result, fit, names = self.chart, self.sensitivity, self.photos[0].chart.names
+        result, fit, names = self.chart, self.sensitivity, self.chart_photos[0].chart.names
         known = result.calibration.light_posterior
         facts: dict[str, object] = {
             "verdict": self.verdict, "says": self.says,
@@ -172,8 +219,8 @@ class CameraFit:
                  "kinds": dict(zip(one.kinds, one.probabilities.tolist(), strict=True)),
                  "says": texts.says(one.finding)} for one in result.light_evidence],
             "wavelengths_nm": fit.grid.nm, "sensitivities": fit.curves, "bands": self.bands,
-            "lower": None if self.band is None else self.band[0],
-            "upper": None if self.band is None else self.band[1],
+            "lower": None if self.curve_band is None else self.curve_band[0],
+            "upper": None if self.curve_band is None else self.curve_band[1],
             "level": LEVEL, "condition_number": fit.condition_number,
             "chart_delta_e00": float(result.delta_e.mean()),
             "held_out_delta_e00": float(result.held_out_delta_e.mean()),
@@ -220,45 +267,6 @@ def light_words(light: spectra.Spectrum | spectra.UnknownLight) -> str:
     return light.words if isinstance(light, spectra.UnknownLight) else light.source
 
 
-def measure_camera(shown: Sequence[ChartSignals], stated: Sequence[captured.Capture],
-                   seed: int = 0) -> CameraFit:
-    """The curves of the camera that took some photos of a chart.
-
-    Parameters
-    ----------
-    shown : sequence of ChartSignals
-        One for each photo.
-    stated : sequence of Capture
-        One for each photo, or one for all. How the curves are fitted, and where light and chart
-        stood, is stated with the first.
-    seed : int
-        Of the draws of the curves.
-
-    Raises
-    ------
-    InputError
-        If photos are of other bands, or two are the same.
-    CheckError, CalibrationError
-        As ``calibrate_chart``.
-    """
-    first = stated[0]
-    chosen, scene = first.sensitivity, first.chart_scene
-    _require_one_camera(shown)
-    first.band_names(shown[0].bands)        # refuses measured curves of other bands
-    irradiance = None if scene is None else chart_fit.irradiance_on(first.layout, scene, first.seed,
-                                                                    "auto")
-    photos = photos_of_charts(shown, stated, irradiance)
-    fit, held_out = chart_fit.fit(photos, FINE_GRID, chosen)
-    curves, draws = camera_curves(fit), curve_draws(fit, seed)
-    band = curve_band(fit, draws)
-    if scene is not None:
-        error = chart_fit.lamp_error(first.layout, scene, first.repeatability.lamp_position,
-                                     first.seed)
-        fit = replace(fit, calibration=chart_fit.with_lamp_error(fit.calibration, error))
-    return CameraFit(fit, curves, draws, band, held_out, tuple(photos), shown[0].bands,
-                     tuple(finding for one in shown for finding in one.findings))
-
-
 def photos_of_charts(shown: Sequence[ChartSignals], stated: Sequence[captured.Capture],
                      irradiance: np.ndarray | None = None) -> list[chart_photo.ChartPhoto]:
     """Charts in photos as their fits take them: where nobody stated the reflectances, the photos
@@ -267,7 +275,7 @@ def photos_of_charts(shown: Sequence[ChartSignals], stated: Sequence[captured.Ca
     Parameters
     ----------
     shown, stated
-        As of ``measure_camera``.
+        As of ``CameraFit.of_charts``.
     irradiance : (I,) array, optional
         On each patch for a light spectrum of 1; None where it is not known.
     """

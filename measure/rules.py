@@ -322,7 +322,7 @@ def chart_residuals(found: CaptureResult) -> np.ndarray | None:
 
 def of_camera(fit: CameraFit) -> list[Finding]:
     """All that was found of a camera that was fitted by itself, in the order of a result."""
-    calibration, first, copy = fit.chart.calibration, fit.photos[0], fit.chart.copy
+    calibration, first, copy = fit.chart.calibration, fit.chart_photos[0], fit.chart.copy
     names = first.chart.names
     off = 1 - fit.chart.predicted / first.samples.mean
     return [*calibration.findings,
@@ -336,13 +336,13 @@ def of_camera(fit: CameraFit) -> list[Finding]:
 
 def camera_fitted(fit: CameraFit) -> Finding:
     """What was fitted of a camera, how surely, and what it is for."""
-    light, band = fit.photos[0].light, fit.band
+    light, band = fit.chart_photos[0].light, fit.curve_band
     if isinstance(light, spectra.UnknownLight):
         stated = f"a light stated as {light.stated}" if light.stated else "an unknown light"
     else:
         stated = "the given light" if fit.light == "given" else fit.light
     return Finding("camera.fitted", Severity.INFO, values={
-        "bands": list(fit.bands), "photos": len(fit.photos), "light": stated,
+        "bands": list(fit.bands), "photos": len(fit.chart_photos), "light": stated,
         "products": fit.chart.calibration.products, "level": camera_curves.LEVEL,
         "half_width": None if band is None else float((band[1] - band[0]).mean()) / 2,
         "noise_alone": fit.chart.prior_fit is None,

@@ -35,7 +35,7 @@ def fitted(photo):
     @functools.cache
     def fit(light):
         camera = sb.fit_camera(photo, light=light, reference=AFTER_2014)
-        return camera, camera.fit.text().splitlines(), camera.fit.facts()
+        return camera, camera.text().splitlines(), camera.facts()
     return fit
 
 

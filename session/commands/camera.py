@@ -95,7 +95,7 @@ def fit(
                 f"{len(stated)} times {option} for {len(given)} photos; give one "
                 "for each or one for all")
     outputs = [path for path in (out, draws_file) if path is not None]
-    from spectrabox.measure.camera import measure_camera
+    from spectrabox.measure.camera import CameraFit
     from spectrabox.radiometry.spectra.cameras import keep_camera, require_new_name
     from spectrabox.session.camera import camera_files
     inputs = [*given, *map(Path, (*light, *reference)),
@@ -108,7 +108,7 @@ def fit(
     captures = camera_files.stated_of_charts(
         given, light, reference, corners, layout, leave_out, None if method == "file" else method,
         prior_file, curves)
-    fitted = measure_camera(camera_files.charts_shown(photos, patches, captures), captures)
+    fitted = CameraFit.of_charts(camera_files.charts_shown(photos, patches, captures), captures)
     facts, text = fitted.facts(), fitted.text()
     if out is not None:
         camera_files.write_curves(out, fitted)

@@ -128,7 +128,7 @@ def as_curves(camera: CameraLike, grid: WavelengthGrid = FINE_GRID) -> np.ndarra
             f"camera: {type(camera).__name__} is no camera; give a name, a file, a "
             "fitted camera, or wavelengths and curves (nm, curves)")
     require_sensitivities(camera)
-    fit = camera.sensitivity if isinstance(camera, Calibration) else camera.fit.sensitivity
+    fit = camera.sensitivity
     return spectrum_files.on_grid(fit.grid.nm, fit.curves, grid, "camera")
 
 

@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,12 +11,12 @@ from numpy.typing import ArrayLike
 from spectrabox.api import arguments, photo, shoot_arguments
 from spectrabox.api.chart_check import ChartCheck
 from spectrabox.calibrate import chart_findings, doubts
-from spectrabox.measure import camera, plots
+from spectrabox.measure import plots
+from spectrabox.measure.camera import CameraFit, ChartSignals, chart_in_photo
 from spectrabox.measure.profiles.camera_profile import MatrixComparison, compare_matrices
 from spectrabox.measure.profiles.colour_profile import ColourProfile, profile_of
 from spectrabox.radiometry import chart, errors, files
-from spectrabox.radiometry.findings import Finding
-from spectrabox.radiometry.records import photos, spectra
+from spectrabox.radiometry.records import spectra
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.spectra.spectrum_files import table_text
 from spectrabox.radiometry.system.threads import one_blas_thread
@@ -28,19 +27,28 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-@dataclass(frozen=True, eq=False)
-class CameraEstimate:
+class CameraEstimate(CameraFit):
     """A camera's sensitivities, or their products with an unknown light, with their errors.
 
     Attributes
     ----------
-    fit : CameraFit
     bands : tuple of K str
+    verdict : str
+        "pass", "warn" or "fail", by the worst finding.
+    says : str
+        What was fitted, how surely, and what speaks against it, in one sentence.
+    findings : tuple of Finding
+        What was found of light, camera and chart, each with ``code``, ``severity``, ``subject``
+        and ``values``; causes before symptoms.
+    checks : tuple of str
+        The findings in sentences.
+    sensitivity : SensitivityFit
+        The curves with their covariance and residuals, by ``method``.
+    chart : ChartCalibration
+        The fit that belongs to the stated light.
     photo : LinearImage or None
         The first photo of a chart: its exposure tells the light's strength in other photos. None
         of patches that were given as numbers.
-    layout : Chart
-        Of the photos.
 
     References
     ----------
@@ -55,25 +63,20 @@ class CameraEstimate:
     >>> camera.plot()
     """
 
-    fit: camera.CameraFit
-    bands: tuple[str, ...]
-    photo: photos.LinearImage | None
-    layout: chart.Chart
-
     @property
     def calibration(self) -> Calibration:
         """Sensitivities and light, with their covariance."""
-        return self.fit.chart.calibration
+        return self.chart.calibration
 
     @property
     def nm(self) -> np.ndarray:
         """Wavelengths (P,) in nm."""
-        return self.fit.sensitivity.grid.nm
+        return self.sensitivity.grid.nm
 
     @property
     def curves(self) -> np.ndarray:
         """Sensitivities (K, P); the highest peak is 1."""
-        return self.fit.sensitivity.curves
+        return self.sensitivity.curves
 
     def band(self) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper sensitivities (K, P) of the 90 % band.
@@ -87,19 +90,9 @@ class CameraEstimate:
         InputError
             For measured curves, which have no band.
         """
-        if self.fit.band is None:
+        if self.curve_band is None:
             raise errors.InputError("measured curves have no band of their own")
-        return self.fit.band
-
-    @property
-    def verdict(self) -> str:
-        """"pass", "warn" or "fail"."""
-        return self.fit.verdict
-
-    @property
-    def says(self) -> str:
-        """What was fitted, how surely, and what speaks against it, in one sentence."""
-        return self.fit.says
+        return self.curve_band
 
     @property
     def light_evidence(self) -> tuple[doubts.LightEvidence, ...]:
@@ -107,28 +100,18 @@ class CameraEstimate:
         (in nats; negative speaks for it), ``contradicts``, ``kinds`` with their ``probabilities``
         by the chart alone.
         """
-        return self.fit.chart.light_evidence
-
-    @property
-    def checks(self) -> tuple[str, ...]:
-        """What was found, in sentences: the light first, then chart and colour matrix."""
-        return self.fit.checks
-
-    @property
-    def findings(self) -> tuple[Finding, ...]:
-        """What was found, each with ``code``, ``severity``, ``subject`` and ``values``."""
-        return self.fit.findings
+        return self.chart.light_evidence
 
     @property
     def chart_check(self) -> ChartCheck:
         """The first photo's patches, each by a calibration without it."""
-        return ChartCheck(self.layout.names, self.fit.held_out,
+        return ChartCheck(self.chart_photos[0].chart.names, self.held_out,
                           chart_findings.of_patches(self.findings))
 
     @property
     def chart_delta_e(self) -> float:
         """Mean CIEDE2000 of the chart patches, each predicted by a fit without it."""
-        return float(self.fit.chart.held_out_delta_e.mean())
+        return float(self.chart.held_out_delta_e.mean())
 
     def colour_profile(self, families: str | Sequence[str] | None = None) -> ColourProfile:
         """Colours under D50 of what the camera sees under this light, for colour management.
@@ -169,7 +152,7 @@ class CameraEstimate:
             If the camera has other than three bands, the light of measured curves is not stated, or
             a name is not known.
         """
-        return compare_matrices(self.fit.chart, self.fit.photos[0],
+        return compare_matrices(self.chart, self.chart_photos[0],
                                 None if measured is None else arguments.as_curves(measured))
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -185,8 +168,8 @@ class CameraEstimate:
         matplotlib Axes
         """
         axes = plots.axes_for(ax, (5.6, 3.4))
-        plots.plot_sensitivities(axes, self.nm, self.curves, self.fit.sensitivity.standard_error,
-                           self.bands)
+        plots.plot_sensitivities(axes, self.nm, self.curves, self.sensitivity.standard_error,
+                                 self.bands)
         axes.legend(frameon=False, fontsize="small")
         return axes
 
@@ -211,8 +194,8 @@ class CameraEstimate:
         target = files.in_folder(path)
         files.write_text_whole(
             target,
-            table_text(self.nm, self.fit.columns(), quantity=spectra.Quantity.RELATIVE,
-                       source=self.fit.source))
+            table_text(self.nm, self.columns(), quantity=spectra.Quantity.RELATIVE,
+                       source=self.source))
         return target
 
     def __repr__(self) -> str:
@@ -220,7 +203,7 @@ class CameraEstimate:
 
     def _repr_html_(self) -> str:
         return plots.curves_html(self.nm, self.curves, self.bands,
-                           (self.fit.line, *self.checks))
+                           (self.line, *self.checks))
 
 
 @threads_given_back()
@@ -307,14 +290,13 @@ def fit_camera(charts: str | Path | photo.Photo | Sequence[str | Path | photo.Ph
                 "scene": None if chart_scene is None else str(chart_scene),
                 "leave_out": [int(number) for number in leave_out]},
             "sensitivity": {"method": method} | tables.camera_prior(prior)}))
-    shown = [camera.chart_in_photo(photo.image, stated[0]) for photo in photos] \
+    shown = [chart_in_photo(photo.image, stated[0]) for photo in photos] \
         if patches is None else [_given_patches(patches, patch_errors, stated[0].layout)]
-    fit = camera.measure_camera(shown, stated, seed)
-    return CameraEstimate(fit, fit.bands, photos[0].image if photos else None, stated[0].layout)
+    return CameraEstimate.of_charts(shown, stated, seed)
 
 
 def _given_patches(patches: ArrayLike | str | Path, patch_errors: ArrayLike | None,
-                   layout: chart.Chart) -> camera.ChartSignals:
+                   layout: chart.Chart) -> ChartSignals:
     """Signals of patches from an array, or a table."""
     if isinstance(patches, str | Path):
         if patch_errors is not None:

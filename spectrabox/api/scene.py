@@ -296,4 +296,4 @@ def _calibration(camera: arguments.CameraLike, light: Spectrum, photo: Photo, er
         for cause, error in ((error_model.REPEATABILITY, errors.relative_error),
                              (error_model.SCENE_LEVEL, errors.scene_level)):
             scale = error_model.with_common_error(scale, cause, error)
-    return calibration, certain_glare(camera.fit.chart.prior_fit, camera.photo), scale
+    return calibration, certain_glare(camera.chart.prior_fit, camera.photo), scale
