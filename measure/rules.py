@@ -355,7 +355,7 @@ def camera_fitted(fit: CameraFit) -> Finding:
 def flat_findings(found: flat_result.FlatResult) -> list[Finding]:
     """Change of the light, levels of known regions, scatter of their pixels, edges across them."""
     return [*light_change(found), *known_levels(found),
-            *uneven_regions(found), *edges(found), clipped_flat(found.photo.clipped_share)]
+            *uneven_regions(found), *edges(found), clipped("flat.clipped", found)]
 
 
 def light_change(found: flat_result.FlatResult) -> list[Finding]:
@@ -419,11 +419,14 @@ def edge_in(region: str, edge: photos.RegionEdge, photo: str = "") -> Finding:
         "larger_part_px": None if part is None else part.astype(int).tolist()})
 
 
-def clipped_flat(share: float) -> Finding:
-    """Whether much of the photo is clipped; of a region nothing is, or it would have been refused.
+def clipped(code: str, found: CaptureResult) -> Finding:
+    """How much of the photo is clipped of which that is the most: of flat samples no region is, or
+    it would have been refused; of scenes that part is not in the fit.
     """
-    return Finding("flat.clipped", graded(share, CLIPPED_LIMIT),
-                   values={"value": share, "passes": CLIPPED_LIMIT})
+    shares = {name: photo.clipped_share for name, photo in found.photo_of_view.items()}
+    name = max(shares, key=lambda one: shares[one])
+    return Finding(code, graded(shares[name], CLIPPED_LIMIT), values={
+        "value": shares[name], "passes": CLIPPED_LIMIT, "photo": name})
 
 
 # ---- scenes --------------------------------------------------------------------------------------
@@ -447,7 +450,7 @@ def scene_findings(found: scene_result.SceneResult) -> list[Finding]:
             Finding("fit.of-scene", *ended(found.reconstruction.outcome)),
             *(one for photo, made in photos for one in light_of_known(made, photo)),
             *(one for photo, made in photos for one in of_fit(made, bands, photo)),
-            *rehearsed(found.rehearsal), clipped_scene(found.photo.clipped_share),
+            *rehearsed(found.rehearsal), clipped("scene.clipped", found),
             *surfaces_off(found), *not_corrected(found)]
 
 
@@ -577,12 +580,6 @@ def agreement_in(agreement: SurfaceAgreement, bands: tuple[str, ...], photo: str
 def rehearsed(last: Rehearsed | None) -> list[Finding]:
     """Whether bands held known truths in the last rehearsal."""
     return [] if last is None else [last.finding]
-
-
-def clipped_scene(share: float) -> Finding:
-    """Whether much of the photo is clipped, and so not in the fit."""
-    return Finding("scene.clipped", graded(share, CLIPPED_LIMIT),
-                   values={"value": share, "passes": CLIPPED_LIMIT})
 
 
 def surfaces_off(found: scene_result.SceneResult) -> Iterator[Finding]:

@@ -838,8 +838,9 @@ FLAT: dict[str, Text] = {
         f"{100 * values['error']:.0f} % darker beside the chart in “{values['dark']}” than in "
         f"“{values['right']}”: a shadow on it there, or it does not lie in the chart's plane."),
     "flat.clipped": Text(
-        "Clipped parts of the photo", "{value:percent} of the photo is clipped, none of it in a "
-        "region.", shown="{value:percent}", limit="pass up to {passes:percent0}"),
+        "Clipped parts of the photo", lambda values: f"{words.percent(values['value'])} of "
+        f"{_the_photo(values, 'photo')} is clipped, none of it in a region.",
+        shown="{value:percent}", limit="pass up to {passes:percent0}"),
 }
 
 EDGES = {"SHADOW": "in all bands alike: a shadow's edge or a fold, or two greys",
@@ -851,6 +852,10 @@ def _weak_words(values: Mapping[str, Any]) -> str:
     """Of how many surfaces the colour is known weakly, after the sentence of a PASS."""
     weak = len(values.get("weak", ()))
     return f" The colours of {weak} of {values['surfaces']} are known weakly." if weak else ""
+
+
+def _the_photo(values: Mapping[str, Any], first: str) -> str:
+    return f"the photo “{values['photo']}”" if values["photo"] else f"the {first}"
 
 
 def _edge_sentence(values: Mapping[str, Any]) -> str:
@@ -1009,8 +1014,9 @@ SCENES: dict[str, Text] = {
         + ("too narrow for this session." if values["beyond"] else "as stated."),
         shown="{value:percent}", limit="{intended:percent} intended"),
     "scene.clipped": Text(
-        "Clipped pixels, left out of the fit", "{value:percent} of the object photo is clipped and "
-        "was left out.", shown="{value:percent}", limit="pass up to {passes:percent0}"),
+        "Clipped pixels, left out of the fit", lambda values: f"{words.percent(values['value'])} "
+        f"of {_the_photo(values, 'object photo')} is clipped and was left out.",
+        shown="{value:percent}", limit="pass up to {passes:percent0}"),
     "scene.surface-off": Text(
         "Photo against rendering", "Photo and rendering disagree on {subject} by {value:+.0%} in "
         "band {band}: geometry, light or material of this surface is not as the scene says."),

@@ -70,7 +70,7 @@ def example_session(folder: Path, bands: tuple[str, ...] = ("R", "G", "B"), char
         bands=bands, chart=_chart(rng, len(bands)) if chart else None,
         calibration=Calibration(fit, light, made.light_scale, np.eye(len(bands)) * 1e-4, (
             Finding("calibration.condition-number", Severity.INFO, values={"value": 12.5}),)),
-        photo=_photo(made), grid=GRID, reconstruction=made,
+        photo_of_view={"": _photo(made)}, grid=GRID, reconstruction=made,
         surfaces=tuple(_surface(rng, made, m, bands, truth) for m in range(len(materials))),
         signal_bands=bands, stated=stated_scene())
     return SessionResults(

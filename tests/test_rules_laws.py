@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from spectrabox.measure import rules
+from spectrabox.measure import rules, texts
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records.photos import EdgeKind, RegionEdge
@@ -52,6 +52,18 @@ def test_of_several_photos_the_level_that_is_farthest_off_counts(order):
     (fine,) = rules.known_levels(flat(photo(misfits={"card": -3.0, "tile": 2.0})))
     assert fine.severity is Severity.INFO and fine.values["surfaces"] == []
     assert rules.known_levels(flat(photo())) == []
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_the_photo_of_which_most_is_clipped_counts_and_is_named(order):
+    shares = {"": 0.004, "second lamp": 0.08}
+    photos = {name: SimpleNamespace(clipped_share=shares[name]) for name in [*shares][::order]}
+    one = rules.clipped("flat.clipped", SimpleNamespace(photo_of_view=photos))
+    assert one.severity is Severity.WARN and one.values["value"] == 0.08
+    assert "of the photo “second lamp” is clipped" in texts.says(one)
+    photos["second lamp"].clipped_share = 0.003
+    one = rules.clipped("scene.clipped", SimpleNamespace(photo_of_view=photos))
+    assert one.severity is Severity.INFO and "of the object photo is clipped" in texts.says(one)
 
 
 @pytest.mark.parametrize("order", [1, -1])

@@ -277,10 +277,10 @@ def test_errors_of_white_and_glare_are_those_of_small_changes_of_all_unknowns():
 def test_a_pixel_is_clipped_where_any_band_is():
     saturated = np.zeros((10, 20, 3), bool)
     saturated[0, :10, 1] = saturated[0, 5:15, 2] = True
-    share = dataclasses.replace(image(np.full((10, 20, 3), 0.4)), saturated=saturated).clipped_share
-    assert share == pytest.approx(15 / 200)
-    for found in (rules.clipped_flat(share), rules.clipped_scene(share)):
-        assert found.values["value"] == share and found.severity is Severity.WARN
+    photo = dataclasses.replace(image(np.full((10, 20, 3), 0.4)), saturated=saturated)
+    assert photo.clipped_share == pytest.approx(15 / 200)
+    found = rules.clipped("flat.clipped", SimpleNamespace(photo_of_view={"": photo}))
+    assert found.values["value"] == photo.clipped_share and found.severity is Severity.WARN
 
 
 def test_a_band_is_as_wide_as_it_is_in_the_mean():

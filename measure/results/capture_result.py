@@ -39,7 +39,8 @@ class CaptureResult(ABC):
     other_calibrations: Mapping[str, calibration_records.Calibration] = field(default_factory=dict)
     # by view with a chart, why to photograph that again; none of a good photo
     chart_findings: Mapping[str, tuple[Finding, ...]] = field(default_factory=dict)
-    photo: photo_records.LinearImage  # at the render's size, or a thumbnail
+    # by view, the first by "": at the render's size, or thumbnails
+    photo_of_view: Mapping[str, photo_records.LinearImage]
     grid: WavelengthGrid              # of the spectra
     signal_bands: tuple[str, ...]     # J names: the bands of all photos that differ in light
     surfaces: tuple[surface_result.SurfaceResult, ...]
@@ -52,6 +53,11 @@ class CaptureResult(ABC):
     picture_folder: str = ""          # where the picture's files lie, as its reader knows it
     # forecasts what to do next, which takes as long as a fit: called when it is asked for
     advise: Callable[..., Advised] = Advised
+
+    @property
+    def photo(self) -> photo_records.LinearImage:
+        """The first."""
+        return self.photo_of_view[""]
 
     @property
     def advice(self) -> Advised:
@@ -248,7 +254,7 @@ def common_findings(capture: captured.Capture, records: CaptureRecords) -> dict[
             "chart_findings": {name: chart.findings
                                for name, chart in records.charts.items()},
             "grid": records.signals.grid, "signal_bands": records.signals.bands,
-            "photo": records.photo.photos[""], "stated": capture,
+            "photo_of_view": records.photo.photos, "stated": capture,
             "processed": any(photo.kind is photo_records.PhotoKind.PROCESSED for photo in photos),
             "calibration_findings": records.calibrate.findings,
             "kept": records.findings,
