@@ -216,6 +216,16 @@ def test_advice_on_a_signal_ranks_readings_and_photos():
     assert after == sorted(after) and after[-1] < facts["overall"][-1]["width_before"]
 
 
+def test_advice_on_an_estimate_is_for_the_level_of_its_band():
+    wide, narrow = (sb.sample([0.2, 0.3, 0.15], camera=CAMERA[1], light=CAMERA[3], noise=0.003,
+                              level=level) for level in (0.95, 0.5))
+    (wider,), (narrower,) = (sb.advise(one, lamps=["A"], camera=CAMERA[1], light=CAMERA[3])[:1]
+                             for one in (wide, narrow))
+    assert narrower.width_before == narrow.band_width < wider.width_before == wide.band_width
+    # of nearly normal bands: 0.67 standard deviations for 1.96
+    assert narrower.width_after == pytest.approx(wider.width_after * 0.67 / 1.96, rel=0.2)
+
+
 def write_folder(folder, seed, count):
     folder.mkdir()
     nm = np.arange(400, 701, 5)

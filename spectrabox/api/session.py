@@ -218,14 +218,16 @@ def advise(known: estimates.MeasuredSpectra | estimate.Estimate | Session | str 
                 "light: give both, camera= and light=")
         if hand is None and camera is None:
             return known.advise() if known.failed_extras else known.advice
-        if known.measurement is None or known.prior is None or known.measurement.states is not None:
+        if known.measurement is None or known.prior is None or known.summary is None \
+                or known.measurement.states is not None:
             raise errors.InputError(
                 f"lamps and filters are weighed for all regions of a photo together: "
                 f"give the result that {known.name!r} is of")
         return advice_on_signal(
-            known.measurement, known.prior, found=stated_outlook(known), hand=hand,
-            curves=None if camera is None else arguments.as_curves(camera), present=None
-            if light is None else spectrum_on_grid(arguments.as_spectrum(light), grid.FINE_GRID))
+            known.measurement, known.prior, known.summary.level, found=stated_outlook(known),
+            hand=hand, curves=None if camera is None else arguments.as_curves(camera),
+            present=None if light is None
+            else spectrum_on_grid(arguments.as_spectrum(light), grid.FINE_GRID))
     raise errors.InputError(
         f"advise() takes a result of flat or reconstruct_scene, a session or its "
         f"folder, or an estimate, and got {type(known).__name__}")
