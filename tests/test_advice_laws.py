@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, make_dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -85,10 +85,10 @@ def test_an_action_with_other_words_is_another_and_readings_of_all_are_one():
 
 def test_a_surface_that_an_action_is_not_for_stays_as_it_is_in_the_mean():
     gel = kinds.advice("gel", WIDE, np.array([0.1, 1.0]))
-    overall = kinds.advised({"a": [gel], "b": []}, {"a": WIDE, "b": np.array([0.1, 2.0])}).overall
-    (one,) = overall
-    assert one.width_before == pytest.approx(0.15) and one.width_after == pytest.approx(0.1)
-    assert one.colour_before == pytest.approx(2.5) and one.colour_after == pytest.approx(1.5)
+    (one,) = kinds.advised({"a": [gel], "b": [], "c": []}, {
+        "a": WIDE, "b": np.array([0.1, 2.0]), "c": np.array([0.09, 1.0])}).overall
+    assert one.width_before == pytest.approx(0.13) and one.width_after == pytest.approx(0.29 / 3)
+    assert one.colour_before == pytest.approx(2.0) and one.colour_after == pytest.approx(4 / 3)
     nothing = kinds.advised({}, {})
     assert nothing == kinds.Advised() and nothing.line == ""
 
@@ -122,7 +122,7 @@ def test_an_outlook_is_the_mean_width_and_the_colour_s_root_mean_square():
     rng = np.random.default_rng(3)
     drawn = SPECTRUM + 0.02 * rng.standard_normal((400, 1)) * np.ones(61)
     samples = SimpleNamespace(grid=PRIOR_GRID, spectra=drawn)
-    width = np.linspace(0.02, 0.1, 61)
+    width = np.linspace(0.1, 0.3, 61)**2
     found = forecast.outlook_of_answer(samples, SPECTRUM - width, SPECTRUM + width)
     assert found[forecast.WIDTH] == pytest.approx(2 * width.mean())
     labs = appearance.reflectance_to_lab(PRIOR_GRID.nm, drawn)
@@ -139,6 +139,14 @@ def test_an_outlook_of_a_signal_is_that_of_its_posterior():
     np.testing.assert_allclose(
         forecast.outlook_of_signals(now.prior, 0.8, now.signals)[forecast.WIDTH],
         np.mean(upper - lower), rtol=1e-6)
+    slope = (appearance.reflectance_to_lab(PRIOR_GRID.nm, posterior.mean + 1e-4 * np.eye(61))
+             - appearance.reflectance_to_lab(PRIOR_GRID.nm, posterior.mean)).T / 1e-4
+    middle = appearance.reflectance_to_lab(PRIOR_GRID.nm, posterior.mean)
+    drawn = np.random.default_rng(0).multivariate_normal(
+        np.zeros(3), slope @ posterior.covariance @ slope.T / 100, 20_000)
+    # a tenth of the deviation, where differences of colour are in proportion to it
+    expected = 10 * np.sqrt(np.mean(appearance.ciede2000(middle, middle + drawn)**2))
+    assert forecast.outlook_of(posterior, 0.8)[forecast.COLOUR] == pytest.approx(expected, rel=0.05)
 
 
 # ---- signals that are to be expected
@@ -160,6 +168,14 @@ def test_an_error_that_an_action_takes_off_is_not_expected_any_more():
             cause: share * each for cause, each in now.signals.errors.items()})
         np.testing.assert_allclose(forecast._expected_signal(now, after),
                                    BANDS @ TO_FINE @ SPECTRUM + left * error, atol=1e-12)
+
+
+def test_what_a_surface_mirrors_is_expected_again():
+    states = (gloss.gloss_states("glossy", ["lamp"] * 3),)
+    now = unknown(BANDS @ TO_FINE @ SPECTRUM + 0.04, states=states, variables=[0.03])
+    signal = forecast._expected_signal(now, further.with_reading(now, 600.0))
+    np.testing.assert_allclose(signal[:3], now.signals.signal[0], atol=1e-12)
+    assert signal[3] == pytest.approx(np.interp(600.0, PRIOR_GRID.nm, SPECTRUM), abs=0.003)
 
 
 def test_bands_that_do_not_show_a_surface_do_not_show_it_afterwards_and_say_nothing():
@@ -295,7 +311,7 @@ def flat_photo(middle, size=(400, 300)):
     patches = np.array([[[20, 100], [120, 100], [120, 160], [20, 160]]], float)
     return SimpleNamespace(
         samples=SimpleNamespace(points_px=(corners + middle)[None]), patches_px=patches,
-        image=SimpleNamespace(signal=np.zeros((size[1], size[0], 3)), sensor_step=1))
+        image=SimpleNamespace(signal=np.zeros((size[1] // 2, size[0] // 2, 3)), sensor_step=2))
 
 
 @pytest.mark.parametrize("middle, towards", [
@@ -337,3 +353,57 @@ def test_a_light_between_two_places_of_a_lamp_is_a_variable_of_the_capture():
     np.testing.assert_allclose(turned.variables, [0.01, expected])
     black = replace(now, signals=replace(now.signals, signal=np.zeros((1, 3))))
     assert flat_actions.with_level(black) is black
+    dim = replace(now, signals=replace(now.signals, signal=np.array([[np.nan, 0.2, 0.2]])))
+    np.testing.assert_array_equal(flat_actions.with_level(dim).signals.states[0].pattern[:, 1],
+                                  [0, 0.2, 0.2])
+
+
+def test_the_light_in_another_place_of_a_lamp_is_taken_to_be_as_usual():
+    glosses = gloss.gloss_states("glossy", ["lamp"] * 3)
+    level = spectra.CaptureStates(
+        (flat_actions.LEVEL,), (error_model.SAMPLE_PLANE,), np.ones((3, 1)), np.full(1, -1.0),
+        ("", "off"), np.array([0.9, 0.1]), np.array([[0.0], [-0.3]]),
+        np.array([[[1e-3]], [[0.04]]]))
+    both = spectra.independent_states(glosses, level)
+    sample = SimpleNamespace(signals=lambda name, moved: unknown(
+        states=(both,)).signals if moved and name == "a" else None)
+    states = flat_actions.with_lamp_moved(sample, "a").states[0]
+    usual = [index for index, kind in enumerate(both.kinds) if not kind.endswith("off")]
+    assert states.kinds == tuple(both.kinds[index] for index in usual)
+    np.testing.assert_allclose(states.weights, glosses.weights)
+    np.testing.assert_array_equal(states.means, both.means[usual])
+    np.testing.assert_array_equal(states.covariances, both.covariances[usual])
+
+
+def test_a_photo_that_is_divided_by_one_of_a_white_card_has_an_even_light(monkeypatch):
+    @dataclass(frozen=True)
+    class White:
+        samples: object = None
+        white: np.ndarray = None
+        glare: np.ndarray = None
+        field: np.ndarray = None
+
+    @dataclass(frozen=True)
+    class Samples:
+        mean: np.ndarray
+
+    asked = {}
+
+    def by_chart(photo, errors):
+        asked.update(photo=photo, errors=errors)
+        return White(Samples(np.zeros((1, 3))), np.full((1, 3), 0.8), np.full(3, 0.02))
+
+    monkeypatch.setattr(flat_actions.white_reference, "white_by_chart", by_chart)
+    photo = replace_fields(samples="other", lost="some", white=White(field=np.ones(2)))
+    now = White(Samples(np.full((1, 3), 0.25)), np.full((1, 3), 0.4), np.full(3, 0.05))
+    found = flat_actions._divided(photo, now, "errors")
+    # it reflects a half: of white that reads 0.8 then, above the veil
+    np.testing.assert_allclose(found.samples.mean, 0.5 * 0.8 + 0.02)
+    assert asked["errors"] == "errors" and asked["photo"].lost is None
+    assert asked["photo"].samples is now.samples
+    np.testing.assert_array_equal(asked["photo"].white.field, [0, 0])
+
+
+def replace_fields(**fields):
+    """A record of these fields, that `dataclasses.replace` takes."""
+    return make_dataclass("Photo", list(fields))(**fields)
