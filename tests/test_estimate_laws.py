@@ -301,3 +301,29 @@ def test_facts_are_those_of_the_summary():
     shown = [line for line in held().text().splitlines() if line.strip()[:3].isdigit()]
     assert [int(line[:5]) for line in shown[:13]] == list(range(400, 701, 25))
     assert float(shown[6].split()[1]) == pytest.approx(held().mean[30], abs=5e-4)
+
+
+def test_what_is_no_ordinary_ending_is_said_at_a_glance():
+    assert held().outcome not in repr(held())
+    one = held(outcome=spectra.Outcome.UNREACHABLE)
+    assert one.outcome in repr(one) and "90 % band" in repr(one)
+    wide = replace(one.summary, upper=one.summary.lower + np.linspace(0, 1, 61)**2)
+    assert replace(one, summary=wide).band_width == pytest.approx(np.mean(np.linspace(0, 1, 61)**2))
+    assert one.facts()["effective_samples"] == 1200
+
+
+def test_a_plot_has_the_truth_that_is_asked_for_or_the_estimate_s_own():
+    truth = spectra.Spectrum(FINE_GRID, np.full(301, 0.7), spectra.Quantity.REFLECTANCE, "measured")
+    one = held(truth=truth)
+    for axes, expected in ((one.plot(), 0.7), (one.plot(truth=np.full(61, 0.6)), 0.6)):
+        assert any(np.allclose(line.get_ydata(), expected) for line in axes.lines)
+    assert len(held().plot().lines) == len(one.plot().lines) - 1
+
+
+def test_an_estimate_is_a_dataset_over_wavelength():
+    pytest.importorskip("xarray")
+    found = held().to_xarray(draws=3)
+    assert found["mean"].dims == ("wavelength",) and found["draws"].shape == (3, 61)
+    np.testing.assert_allclose(found["mean"], held().mean)
+    np.testing.assert_allclose(found["lower"], held().band()[0])
+    np.testing.assert_allclose(found["bound_upper"], held().summary.bound_upper)
