@@ -57,12 +57,10 @@ def image(signal, variance=1e-6):
 
 
 def p_values(kind, surface, scenes, surface_error):
-    names = tuple(f"paint / {index}" for index in range(surface.max() + 1))
+    masks = [surface == index for index in range(surface.max() + 1)]
     model = np.full((*surface.shape, 3), 0.5)
-    return np.array([test.p for scene in scenes
-                     for test in surface_tests(names, scene, model, surface,
-                                               np.ones(surface.shape, bool), surface_error)
-                     if test.kind == kind])
+    return np.ravel([surface_tests(scene, model, masks, surface_error)[2][kind]
+                     for scene in scenes])
 
 
 @pytest.mark.parametrize("surface_error", [0.0, 0.003])
@@ -71,7 +69,7 @@ def test_p_values_of_levels_are_uniform_on_scenes_that_fit(surface_error):
     surface = np.repeat(np.arange(4), 12)[:, None] * np.ones((1, 48), int)
     scenes = [0.5 * np.exp(surface_error * rng.standard_normal((4, 3)))[surface]
               * (1 + 0.05 * rng.standard_normal((48, 48, 3))) for _ in range(70)]
-    values = p_values("level", surface, scenes, surface_error)
+    values = p_values(0, surface, scenes, surface_error)
     assert values.size == 840 and stats.kstest(values, "uniform").pvalue > SIGNIFICANCE
 
 
@@ -81,7 +79,7 @@ def test_p_values_of_shapes_are_uniform_where_blocks_err_as_stated():
     surface = row // 8 * 6 + column // 8            # of four blocks each
     scenes = [0.5 * (1 + SHAPE_ERROR * rng.standard_normal((12, 12, 3)).repeat(4, 0).repeat(4, 1)
                      + 1e-3 * rng.standard_normal((48, 48, 3))) for _ in range(12)]
-    values = p_values("shape", surface, scenes, 0.01)
+    values = p_values(1, surface, scenes, 0.01)
     assert values.size == 1296 and stats.kstest(values, "uniform").pvalue > SIGNIFICANCE
 
 
