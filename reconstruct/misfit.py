@@ -123,7 +123,7 @@ def surface_misfits(names: Sequence[str], bands: Sequence[str], measured: np.nda
         largest = max((*off[level], *scatter[shape], part), key=abs)
         misfits.append(Finding("scene.misfit", Severity.WARN, names[index], {
             "value": float(abs(largest)),
-            "level": {bands[band]: float(off[band]) for band in np.flatnonzero(level)},
+            "level": {bands[band]: float(off[band]) for band in np.flatnonzero(level).tolist()},
             "scatter": float(scatter[shape].max()) if shape.any() else None,
             "part": part if largest == part else None,
             "p": float(p[:, index][wrong[:, index]].min())}))
