@@ -167,10 +167,10 @@ class CameraFit:
         facts: dict[str, object] = {
             "verdict": self.verdict, "says": self.says,
             "light_evidence": [
-                {"light": one.stated, "against": one.against, "limit": one.limit,
-                 "contradicts": one.contradicts,
-                 "kinds": dict(zip(one.kinds, one.probabilities.tolist(), strict=True)),
-                 "says": texts.says(one.finding)} for one in result.light_evidence],
+                {"light": one.values["stated"], "against": one.values["against"],
+                 "limit": one.values["limit"], "contradicts": one.code == "light.contradicted",
+                 "kinds": one.values["kinds"], "says": texts.says(one)}
+                for one in result.light_evidence],
             "wavelengths_nm": fit.grid.nm, "sensitivities": fit.curves, "bands": self.bands,
             "lower": None if self.band is None else self.band[0],
             "upper": None if self.band is None else self.band[1],

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from spectrabox.api import arguments, photo, shoot_arguments
 from spectrabox.api.chart_check import ChartCheck
-from spectrabox.calibrate import chart_findings, doubts
+from spectrabox.calibrate import chart_findings
 from spectrabox.measure import camera, plots
 from spectrabox.measure.profiles.camera_profile import MatrixComparison, compare_matrices
 from spectrabox.measure.profiles.colour_profile import ColourProfile, profile_of
@@ -102,10 +102,11 @@ class CameraEstimate:
         return self.fit.says
 
     @property
-    def light_evidence(self) -> tuple[doubts.LightEvidence, ...]:
-        """What the chart says for and against each light that was stated: ``stated``, ``against``
-        (in nats; negative speaks for it), ``contradicts``, ``kinds`` with their ``probabilities``
-        by the chart alone.
+    def light_evidence(self) -> tuple[Finding, ...]:
+        """What the chart says for and against each light that was stated, of the code
+        "light.contradicted" where it is wrong: ``values`` hold ``stated``, ``against`` (in nats;
+        negative speaks for it), ``limit``, and ``kinds`` with their probabilities by the chart
+        alone.
         """
         return self.fit.chart.light_evidence
 
