@@ -289,7 +289,7 @@ def ranked(photo: ChartEquations, state: curve_posterior.PhotoState,
     against = max((one.values["against"] for one in evidence), default=0.0)
     return chart_causes.ranked(
         np.where(photo.readable, photo.signal, np.nan),
-        (state.predicted - state.glare) / state.field[:, None],
+        (state.predicted - state.white.glare) / state.field[:, None],
         np.sqrt(np.einsum("ikk->ik", photo.covariance)), photo.field_terms[:, :2], MIXING_SD,
         {chart_causes.LIGHT: max(against, 0.0)})
 

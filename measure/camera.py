@@ -195,7 +195,7 @@ class CameraFit:
             first = joint.photos[0]
             facts |= {"model_error": joint.model_error, "chi_square": joint.chi_square,
                       "prior_share": joint.prior_share, "photos": len(joint.photos),
-                      "field": first.field, "glare": first.glare,
+                      "field": first.field, "glare": first.white.glare,
                       "nearest_cameras": [{"cameras": members, "probability": share}
                                           for members, share in joint.families]}
         return facts

@@ -280,8 +280,8 @@ def test_a_material_is_off_by_what_its_surfaces_are_off_by_together_and_apart():
 def test_glare_is_claimed_beyond_three_of_its_standard_errors(sigmas, claimed):
     """Of 5 % of the brightest patch: much, where it is certain."""
     glare = np.array([0.05, 0.0, 0.0])
-    state = PhotoState(1.0, 0.01, np.ones(24), glare, np.full(3, 0.05 / sigmas), np.ones((24, 3)),
-                       ChartWhite(np.ones(3), np.zeros(0), glare, np.eye(6)))
+    state = PhotoState(1.0, 0.01, np.ones(24), np.ones((24, 3)), ChartWhite(
+        np.ones(3), np.zeros(0), glare, (0.05 / sigmas) ** 2 * np.eye(6)))
     fit = SimpleNamespace(model_error=0.002, chi_square=1.0, families=(), photos=(state,),
                           prior_share=np.zeros((3, GRID.nm.size)))
     glare = [one.values["glare"] for one in fit_findings(fit, GRID)

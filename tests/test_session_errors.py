@@ -83,8 +83,8 @@ def test_light_and_shutter_repeat_from_photo_to_photo_alone(photo, causes):
 def test_glare_of_the_chart_is_told_where_it_is_beyond_chance_relative_to_the_picture():
     """Bands 2 and 3 are three errors from 0 and more; the picture's mean is what glare goes by."""
     glare = np.array([0.002, -0.004, 0.009])
-    state = PhotoState(1.0, 0.01, np.ones(24), glare, np.full(3, 1e-3), np.ones((24, 3)),
-                       ChartWhite(np.ones(3), np.zeros(0), glare, np.eye(6)))
+    state = PhotoState(1.0, 0.01, np.ones(24), np.ones((24, 3)), ChartWhite(
+        np.ones(3), np.zeros(0), glare, 1e-6 * np.eye(6)))
     signal = np.zeros((4, 5, 3))
     signal[0, 0] = 4.0, 8.0, 12.0           # of means 0.2, 0.4, 0.6
     found = certain_glare(SimpleNamespace(photos=[state]), SimpleNamespace(signal=signal))
