@@ -29,7 +29,6 @@ from spectrabox.capture.develop.bracket import merge_exposures
 from spectrabox.capture.develop.dark import mean_dark, subtract_dark
 from spectrabox.capture.develop.developed import bright_channels, stack_bands, strongest_channel
 from spectrabox.capture.photo.linear import open_photo
-from spectrabox.capture.photo.noise import PhotonTransfer
 from spectrabox.fixtures.chart_scene import GRID_MM, chart_scene, mosaic
 from spectrabox.fixtures.dng import BAYER_TILES, write_dng
 from spectrabox.measure.held_out_spectra import held_out_patches
@@ -163,7 +162,7 @@ def seven_bands(folder: Path) -> dict[str, Any]:
         frame = _flea_frame(path)
         darks.setdefault(frame.exposure_s, []).append(frame)
     dark = {exposure: mean_dark(frames, cut_off_dn=0.5) for exposure, frames in darks.items()}
-    noise = PhotonTransfer(np.full(3, 1 / 255**2 / 12), np.full(3, 1e-5))  # 8 bits: rounding rules
+    noise = np.full(3, 1 / 255**2 / 12), np.full(3, 1e-5)  # 8 bits: rounding rules
     images = []
     for nm in NANOMETRES:
         frames = [_flea_frame(path) for path in

@@ -201,7 +201,7 @@ def fitted(photo: ChartPhoto, prior: CameraPrior) -> dict[str, Any]:
     drift = colour_drift(fit.posterior, relit(fit.posterior, used), 0)
     state = fit.photos[0]
     return {"refused": "disagrees" if fit.disagrees else "",
-            "fit": (*veiled(fit), *(one.finding for one in evidence), doubts.unlike_cameras(fit),
+            "fit": (*veiled(fit), *evidence, doubts.unlike_cameras(fit),
                     *([] if drift is None else [doubts.drifting_light(*drift, None)])),
             "photo": used[0], "state": state,
             "evidence": evidence}

@@ -182,7 +182,7 @@ def run(database: CameraDatabase, spectra: np.ndarray, kinds: np.ndarray | None,
         for name, stated in (("right", spectra[lamp]), ("wrong", spectra[other])):
             row[name] = evidence_on_spectrum(
                 name, replace(case.photo, power=stated * GRID.weights_nm), priors[maker],
-                GRID).against
+                GRID).values["against"]
             if harms:
                 row |= {f"{figure}_{name}": value for figure, value in harm(
                     case, priors[maker], stated).items()}

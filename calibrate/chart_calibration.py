@@ -52,8 +52,7 @@ class ChartCalibration(shaped.Record):
     reflectances: Annotated[np.ndarray, "I P"]      # that were taken for the first photo's chart
     prior_fit: sensitivity.PriorFit | None = None   # of the method "prior"
     departures: tuple[Departure, ...] = ()     # of the lights that may depart from the stated
-    light_evidence: tuple[doubts.LightEvidence,
-                          ...] = ()  # on each light of which something was stated
+    light_evidence: tuple[Finding, ...] = ()    # on each light of which something was stated
     copy: calibration_records.ChartCopy | None = None  # None: the reflectances were stated
     equations: ChartEquations | None = None     # of the first photo, as that fit took it
 
@@ -276,7 +275,7 @@ def _with_prior(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Waveleng
 
     of_fit = [*trust.fit_findings(fit, grid)]
     evidence = evidence_on_lights(photos, used, cameras, grid)
-    of_light = [one.finding for one in evidence]
+    of_light = [*evidence]
     departures: tuple[Departure, ...] = ()
     if isinstance(first.light, spectra.Spectrum):
         departures = light_departures(
@@ -318,8 +317,9 @@ def _with_prior(photos: Sequence[chart_photo.ChartPhoto], grid: spectra.Waveleng
 
 def evidence_on_lights(photos: Sequence[chart_photo.ChartPhoto], used: list[ChartEquations],
                        cameras: CameraPrior,
-                       grid: spectra.WavelengthGrid) -> tuple[doubts.LightEvidence, ...]:
-    """What photos say for and against each light of which something was stated.
+                       grid: spectra.WavelengthGrid) -> tuple[Finding, ...]:
+    """What photos say for and against each light of which something was stated, see
+    ``doubts.light_evidence``.
 
     Where no camera is known, smoothness alone, no lamp can be told from another. A photo through a
     filter says nothing of a spectrum that was stated.

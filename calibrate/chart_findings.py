@@ -6,7 +6,6 @@ calibration without it; patches that others contradict.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -127,16 +126,6 @@ def departures(copy: ChartCopy, names: Sequence[str], light: str = "") -> list[F
 
 # ---- patches left out ----------------------------------------------------------------------------
 
-@dataclass(frozen=True)
-class DifferenceSummary:
-    """CIEDE2000 over several patches."""
-
-    mean: float
-    median: float
-    percentile_90: float
-    largest: float
-
-
 def patch_differences(patches: HeldOutPatches) -> np.ndarray:
     """CIEDE2000 (I,) between the estimated spectrum of each patch and its reference, under D65.
 
@@ -146,18 +135,6 @@ def patch_differences(patches: HeldOutPatches) -> np.ndarray:
     """
     return appearance.ciede2000(*(appearance.reflectance_to_lab(patches.grid.nm, one)
                        for one in (patches.mean, patches.reference)))
-
-
-def difference_summary(patches: HeldOutPatches) -> DifferenceSummary:
-    """Their mean, median, 90th percentile and maximum over the patches that count.
-
-    Parameters
-    ----------
-    patches : HeldOutPatches
-    """
-    each = patch_differences(patches)[patches.counted]
-    return DifferenceSummary(float(each.mean()), float(np.median(each)),
-                             float(np.percentile(each, 90)), float(each.max()))
 
 
 def held_out(patches: HeldOutPatches, names: Sequence[str]) -> list[Finding]:
@@ -182,17 +159,21 @@ def held_out(patches: HeldOutPatches, names: Sequence[str]) -> list[Finding]:
 
 
 def colours(patches: HeldOutPatches) -> Finding:
-    """How far the colours of the estimated spectra of all patches are from the reference.
+    """How far the colours of the estimated spectra of all patches are from the reference:
+    ``mean``, ``median``, ``percentile_90`` and ``largest`` CIEDE2000 of the patches that count.
 
     Parameters
     ----------
     patches : HeldOutPatches
     """
-    summary = difference_summary(patches)
-    code, severity = ("patches.colours-off", Severity.WARN) if summary.mean > LEFT_OUT_COLOUR \
+    each = patch_differences(patches)[patches.counted]
+    mean = float(each.mean())
+    code, severity = ("patches.colours-off", Severity.WARN) if mean > LEFT_OUT_COLOUR \
         else ("patches.colours", Severity.INFO)
-    return Finding(code, severity, values=vars(summary) | {"value": summary.mean,
-                                                           "passes": LEFT_OUT_COLOUR})
+    return Finding(code, severity, values={
+        "mean": mean, "median": float(np.median(each)),
+        "percentile_90": float(np.percentile(each, 90)), "largest": float(each.max()),
+        "value": mean, "passes": LEFT_OUT_COLOUR})
 
 
 def at_fault(patches: HeldOutPatches, names: Sequence[str], light: str = "") -> list[Finding]:

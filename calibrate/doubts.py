@@ -23,8 +23,7 @@ of another lamp contradict it by far.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Annotated
+from dataclasses import replace
 
 import numpy as np
 
@@ -33,7 +32,7 @@ from spectrabox.calibrate.chart_equations import COLOURS, ChartEquations
 from spectrabox.calibrate.prior import camera_prior, curve_posterior, learnt_prior
 from spectrabox.calibrate.products import product_fit, product_posterior
 from spectrabox.calibrate.products.lamps import Lamps, all_lamps, likeness, product_prior
-from spectrabox.radiometry import appearance, chart, chart_causes, shaped
+from spectrabox.radiometry import appearance, chart, chart_causes
 from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.records.spectra import UnknownLight, WavelengthGrid
 from spectrabox.radiometry.spectra import light_words, named_spectra
@@ -72,38 +71,35 @@ def unlike_cameras(fit: sensitivity.PriorFit) -> Finding:
     return Finding("calibration.like-cameras", Severity.INFO, values={"probability": share})
 
 
-@dataclass(frozen=True, eq=False)
-class LightEvidence(shaped.Record):
-    """What chart photos say for and against the light that was stated of them."""
+def light_evidence(stated: str, against: float, limit: float,
+                   kinds: np.ndarray) -> Finding:
+    """Whether chart photos speak for the light that was stated of them or against it.
 
-    stated: str
-    against: float              # nats: how much better all known lamps explain the photos
-    limit: float                # nats: above it the statement is contradicted
-    kinds: tuple[str, ...]      # Q of light_words.LIGHT_KINDS
-    probabilities: Annotated[np.ndarray, "Q"]       # of the kinds, whatever was stated
-
-    @property
-    def contradicts(self) -> bool:
-        """Whether the statement is wrong all but certainly."""
-        return self.against > self.limit
-
-    @property
-    def finding(self) -> Finding:
-        """Whether the chart speaks for the statement or against it."""
-        code, severity = "light.agrees", Severity.INFO
-        if self.contradicts:
-            code, severity = "light.contradicted", Severity.WARN
-        elif self.against > SAYS_LITTLE:
-            code, severity = "light.leans", Severity.NOTE
-        elif self.against > -SAYS_LITTLE:
-            code = "light.hardly-tested"
-        return Finding(code, severity, values={
-            "stated": self.stated, "against": self.against, "limit": self.limit,
-            "kinds": dict(zip(self.kinds, self.probabilities.tolist(), strict=True))})
+    Parameters
+    ----------
+    stated : str
+        The statement, for sentences.
+    against : float
+        Nats: how much better all known lamps explain the photos.
+    limit : float
+        Nats: above it the statement is wrong all but certainly.
+    kinds : (Q,) array
+        Probabilities of ``light_words.LIGHT_KINDS``, whatever was stated.
+    """
+    code, severity = "light.agrees", Severity.INFO
+    if against > limit:
+        code, severity = "light.contradicted", Severity.WARN
+    elif against > SAYS_LITTLE:
+        code, severity = "light.leans", Severity.NOTE
+    elif against > -SAYS_LITTLE:
+        code = "light.hardly-tested"
+    return Finding(code, severity, values={
+        "stated": stated, "against": against, "limit": limit,
+        "kinds": dict(zip(light_words.LIGHT_KINDS, kinds.tolist(), strict=True))})
 
 
 def evidence_on_spectrum(stated: str, photo: ChartEquations, cameras: camera_prior.CameraPrior,
-                         grid: WavelengthGrid) -> LightEvidence:
+                         grid: WavelengthGrid) -> Finding:
     """The evidence of a chart photo on the spectrum that was stated of its light.
 
     Parameters
@@ -123,12 +119,12 @@ def evidence_on_spectrum(stated: str, photo: ChartEquations, cameras: camera_pri
         unlit, product_prior(cameras, all_lamps(), product_fit.SEED))
     of_stated = product_posterior.evidence_of_products(
         unlit, product_prior(cameras, alone, product_fit.SEED))
-    return LightEvidence(stated, of_any.log_evidence - of_stated, CONTRADICTS,
-                         light_words.LIGHT_KINDS, product_fit.kind_probabilities(of_any))
+    return light_evidence(stated, of_any.log_evidence - of_stated, CONTRADICTS,
+                          product_fit.kind_probabilities(of_any))
 
 
 def evidence_on_kind(light: UnknownLight, photos: list[ChartEquations],
-                     cameras: camera_prior.CameraPrior) -> LightEvidence:
+                     cameras: camera_prior.CameraPrior) -> Finding:
     """The evidence of chart photos on the kind or the temperature that was stated of their light.
 
     Parameters
@@ -140,8 +136,8 @@ def evidence_on_kind(light: UnknownLight, photos: list[ChartEquations],
     """
     posterior = product_posterior.posterior_of_products(
         photos, product_prior(cameras, all_lamps(), product_fit.SEED))
-    return LightEvidence(light.stated, nats_against(posterior, light), KIND_CONTRADICTS,
-                         light_words.LIGHT_KINDS, product_fit.kind_probabilities(posterior))
+    return light_evidence(light.stated, nats_against(posterior, light), KIND_CONTRADICTS,
+                          product_fit.kind_probabilities(posterior))
 
 
 def nats_against(posterior: product_posterior.ProductPosterior, light: UnknownLight) -> float:
@@ -254,7 +250,7 @@ def disagreeing_bands(signal: np.ndarray, held_out: np.ndarray,
 
 def told_apart(findings: Sequence[Finding], photo: ChartEquations,
                state: curve_posterior.PhotoState,
-               evidence: Sequence[LightEvidence]) -> list[Finding]:
+               evidence: Sequence[Finding]) -> list[Finding]:
     """Findings of a fit, of which those that name a cause stay where its rivals are excluded.
 
     In place of the others comes one with the causes that are not.
@@ -266,8 +262,8 @@ def told_apart(findings: Sequence[Finding], photo: ChartEquations,
         That they are about.
     state : PhotoState
         Of that photo in the fit.
-    evidence : sequence of LightEvidence
-        On the lights of photos, as far as something is stated of them.
+    evidence : sequence of Finding
+        Of ``light_evidence``, on the lights of photos, as far as something is stated of them.
     """
     ranking = ranked(photo, state, evidence) if chart_causes.claims(findings) else None
     return list(findings) if ranking is None else chart_causes.settled(findings, ranking,
@@ -275,7 +271,7 @@ def told_apart(findings: Sequence[Finding], photo: ChartEquations,
 
 
 def ranked(photo: ChartEquations, state: curve_posterior.PhotoState,
-           evidence: Sequence[LightEvidence]) -> dict[str, float] | None:
+           evidence: Sequence[Finding]) -> dict[str, float] | None:
     """How well each cause explains a chart photo by what a fit makes of it, as of
     ``chart_causes.ranked``.
 
@@ -290,10 +286,10 @@ def ranked(photo: ChartEquations, state: curve_posterior.PhotoState,
     if photo.filter is not None or photo.signal.shape[1] != COLOURS \
             or photo.field_terms.shape[1] < 2:
         return None
-    against = max((one.against for one in evidence), default=0.0)
+    against = max((one.values["against"] for one in evidence), default=0.0)
     return chart_causes.ranked(
         np.where(photo.readable, photo.signal, np.nan),
-        (state.predicted - state.glare) / state.field[:, None],
+        (state.predicted - state.white.glare) / state.field[:, None],
         np.sqrt(np.einsum("ikk->ik", photo.covariance)), photo.field_terms[:, :2], MIXING_SD,
         {chart_causes.LIGHT: max(against, 0.0)})
 

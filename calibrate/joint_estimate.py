@@ -60,7 +60,7 @@ def estimate_through_glare(
 
 def _veils(fit: sensitivity.PriorFit, photos: list[chart_equations.ChartEquations]) -> list[float]:
     """Largest glare of each photo, of its brightest patch."""
-    return [float(np.max(np.abs(state.glare) / photo.signal.max(axis=0)))
+    return [float(np.max(np.abs(state.white.glare) / photo.signal.max(axis=0)))
             for photo, state in zip(photos, fit.photos, strict=True)]
 
 

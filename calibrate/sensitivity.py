@@ -28,6 +28,9 @@ CHART_ERROR = 0.01           # relative: one chart against the published average
 FLOOR = 0.005                # of the brightest patch: stray light and black level
 DIM_PATCH = 0.03             # of the brightest patch: darker ones say nothing of relative errors
 ILL_POSED_CONDITION = 100.0
+SPLINE_WORDS = {"paper": "splines with zero ends, paper Eqs. 18-20",
+                "nonnegative": "non-negative splines with zero ends",
+                "smooth": "non-negative splines, smoothness by cross-validation"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,12 +220,39 @@ def fit_sensitivities(
         raise errors.InputError(f"method {method!r} is not known; known are {', '.join(METHODS)}")
     used = np.ones(len(patches.mean), bool) if used is None else used
     chart_photo.require_usable(patches.mean[used])
-    readable = used[:, None] & ~patches.clipped
+    readable, signal = used[:, None] & ~patches.clipped, patches.mean
     rows = reflectances * (light * grid.weights_nm) * (irradiance / np.pi)[:, None]
     sigma = _patch_sigma(patches)
-    bands = spline_fit.fit_bands(method, rows, patches.mean, sigma, grid, coefficients, readable)
-    return *_normalised(bands, patches, grid, method), _without(bands, light * grid.weights_nm,
-                                                                irradiance, patches, sigma)
+    basis, fit = spline_fit.band_fits(method, rows, signal, sigma, grid, coefficients, readable)
+    solved, spread = fit(readable)
+    without, spread_without = (np.array(each) for each in zip(*(
+        fit(readable & rest[:, None]) for rest in ~np.eye(len(signal), dtype=bool)), strict=True))
+    curves, design = solved @ basis.T, rows @ basis
+    peak = float(curves.max())
+    dead = np.flatnonzero(curves.max(axis=1) <= 1e-9 * max(peak, 0))
+    if dead.size:
+        raise errors.CalibrationError(f"band {dead[0] + 1} does not respond to the chart; "
+                               "check that photo and light belong together")
+    error = np.sqrt(np.clip(np.einsum("pn,knm,pm->kp", basis, spread, basis), 0, None)) / peak
+    residuals = 1 - design @ solved.T / signal
+    held_out = 1 - np.einsum("in,ikn->ik", design, without) / signal
+    condition = spline_fit.condition_number(rows[readable.any(axis=1)], grid, coefficients)
+    made = calibration.SensitivityFit(
+        grid, curves / peak, basis, solved / peak, block_diagonal(*spread) / peak**2, error,
+        residuals, held_out, condition, SPLINE_WORDS[method],
+        spectra.Outcome.ILL_POSED if condition > ILL_POSED_CONDITION
+        else spectra.Outcome.CONVERGED)
+    covariance = relative_prediction_covariance(held_out, patches)
+    # Of a band's mean relative residual over held-out patches: errors of bands are independent.
+    relative = np.sqrt(np.trace(covariance) / len(covariance) / len(held_out))
+    scale = calibration.LightScale(peak, float(peak * relative), residuals, "chart photo")
+    # the exposure is that of the curves, and no glare is fitted
+    factor, fixed = irradiance / np.pi, np.zeros((signal.shape[1],) * 2)
+    return made, scale, held_out_patches.PatchesWithout(
+        basis, light * grid.weights_nm, factor[:, None, None] * without, np.zeros(signal.shape),
+        np.array([block_diagonal(*one**2 * of_patch, fixed)
+                  for one, of_patch in zip(factor, spread_without, strict=True)]),
+        signal, np.einsum("ik,kl->ikl", sigma**2, np.eye(signal.shape[1])), patches.clipped)
 
 
 def relative_prediction_covariance(fit_residuals: np.ndarray, patches: PatchSamples,
@@ -247,50 +277,6 @@ def relative_prediction_covariance(fit_residuals: np.ndarray, patches: PatchSamp
         readable &= ~excluded[bright, None].astype(bool)
     used = np.where(readable, fit_residuals[bright], 0.0)
     return used.T @ used / np.sqrt(np.outer(*2 * [readable.sum(axis=0)]))
-
-
-def _normalised(bands: spline_fit.BandFits, patches: PatchSamples, grid: spectra.WavelengthGrid,
-                method: str) -> tuple[calibration.SensitivityFit, calibration.LightScale]:
-    """Scale fitted bands to a largest value of 1."""
-    curves = bands.coefficients @ bands.basis.T
-    peak = float(curves.max())
-    dead = np.flatnonzero(curves.max(axis=1) <= 1e-9 * max(peak, 0))
-    if dead.size:
-        raise errors.CalibrationError(f"band {dead[0] + 1} does not respond to the chart; "
-                               "check that photo and light belong together")
-    error = np.sqrt(np.clip(np.einsum("pn,knm,pm->kp", bands.basis, bands.covariance, bands.basis),
-                            0, None)) / peak
-    residuals = 1 - bands.design @ bands.coefficients.T / patches.mean
-    held_out = 1 - bands.predicted_without / patches.mean
-    outcome = (spectra.Outcome.ILL_POSED if bands.condition_number > ILL_POSED_CONDITION
-               else spectra.Outcome.CONVERGED)
-    names = {"paper": "splines with zero ends, paper Eqs. 18-20",
-             "nonnegative": "non-negative splines with zero ends",
-             "smooth": "non-negative splines, smoothness by cross-validation"}
-    fit = calibration.SensitivityFit(grid, curves / peak, bands.basis, bands.coefficients / peak,
-                         block_diagonal(*bands.covariance) / peak**2, error, residuals, held_out,
-                         bands.condition_number, names[method], outcome)
-    covariance = relative_prediction_covariance(held_out, patches)
-    # Of a band's mean relative residual over held-out patches: errors of bands are independent.
-    relative = np.sqrt(np.trace(covariance) / len(covariance) / len(held_out))
-    return fit, calibration.LightScale(peak, float(peak * relative), residuals, "chart photo")
-
-
-def _without(bands: spline_fit.BandFits, power: np.ndarray, irradiance: np.ndarray,
-             patches: PatchSamples, sigma: np.ndarray) -> held_out_patches.PatchesWithout:
-    """Patches left out of spline fits, whose exposure is that of the curves; no glare is fitted."""
-    factor = irradiance / np.pi
-    count, number = patches.mean.shape
-    size = number * bands.basis.shape[1]
-    covariance = np.zeros((count, size + number, size + number))
-    for patch in range(count):
-        covariance[patch, :size, :size] = factor[patch]**2 * block_diagonal(
-            *bands.covariance_without[patch])
-    noise = np.einsum("ik,kl->ikl", sigma**2, np.eye(number))
-    return held_out_patches.PatchesWithout(bands.basis, power,
-                                           factor[:, None, None] * bands.without,
-                                           np.zeros((count, number)), covariance, patches.mean,
-                                           noise, patches.clipped)
 
 
 def _patch_sigma(patches: PatchSamples) -> np.ndarray:

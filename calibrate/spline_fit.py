@@ -11,16 +11,13 @@ draw the steep flanks of a camera (7 to 10 % of the curve) is not in it.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
-from typing import Annotated
 
 import numpy as np
 
 from spectrabox.radiometry.errors import CalibrationError
 from spectrabox.radiometry.grid import basis_matrix
 from spectrabox.radiometry.records.spectra import WavelengthGrid
-from spectrabox.radiometry.shaped import Record
 
 SPLINE_METHODS = ("paper", "nonnegative", "smooth")
 Solver = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -30,27 +27,10 @@ PENALTIES = tuple(10.0 ** power for power in np.arange(-8, 3.1, 0.5))  # of a me
 MAX_CONDITION = 1e8
 
 
-@dataclass(frozen=True, eq=False)
-class BandFits(Record):
-    """Coefficients of every band before normalisation; Q is K times N."""
-
-    basis: Annotated[np.ndarray, "P N"]
-    coefficients: Annotated[np.ndarray, "K N"]
-    covariance: Annotated[np.ndarray, "K N N"]
-    design: Annotated[np.ndarray, "I N"]
-    without: Annotated[np.ndarray, "I K N"]         # coefficients, each patch left out of the fit
-    covariance_without: Annotated[np.ndarray, "I K N N"]
-    condition_number: float
-
-    @property
-    def predicted_without(self) -> np.ndarray:
-        """Signals (I, K) of the patches, each from the fit without it."""
-        return np.asarray(np.einsum("in,ikn->ik", self.design, self.without))
-
-
-def fit_bands(method: str, rows: np.ndarray, signal: np.ndarray, sigma: np.ndarray,
-              grid: WavelengthGrid, coefficients: int, used: np.ndarray) -> BandFits:
-    """Every band fitted by one of ``SPLINE_METHODS``.
+def band_fits(method: str, rows: np.ndarray, signal: np.ndarray, sigma: np.ndarray,
+              grid: WavelengthGrid, coefficients: int, used: np.ndarray
+              ) -> tuple[np.ndarray, Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]]:
+    """Fits of every band by one of ``SPLINE_METHODS``.
 
     Parameters
     ----------
@@ -64,7 +44,14 @@ def fit_bands(method: str, rows: np.ndarray, signal: np.ndarray, sigma: np.ndarr
     coefficients : int
         Of ``paper`` and ``nonnegative``, with the two zero ends.
     used : (I, K) bool array
-        Signals that the fit may use.
+        Signals that fits may use.
+
+    Returns
+    -------
+    basis : (P, N) array
+    fit : function
+        From the signals that one fit uses, (I, K) of bool, to its coefficients (K, N), not yet
+        divided by the largest value of the curves, and their covariances (K, N, N).
 
     Raises
     ------
@@ -74,27 +61,22 @@ def fit_bands(method: str, rows: np.ndarray, signal: np.ndarray, sigma: np.ndarr
     """
     full = basis_matrix(grid.nm, SMOOTH_COEFFICIENTS if method == "smooth" else coefficients)
     basis = full if method == "smooth" else full[:, 1:-1]  # b_400 c = b_700 c = 0
-    design = rows @ basis
-    patches = used.any(axis=1)
-    condition = condition_number(rows[patches], grid, coefficients)
+    design, patches = rows @ basis, used.any(axis=1)
     if method != "smooth":
-        _require_determined(design[patches], int(used.sum(axis=0).min()), condition, coefficients)
+        _require_determined(design[patches], int(used.sum(axis=0).min()),
+                            condition_number(rows[patches], grid, coefficients), coefficients)
     solvers: dict[str, Solver] = {"paper": _solve_paper, "nonnegative": _solve_nonnegative}
     solve = (solvers[method] if method in solvers
              else partial(_solve_smooth, roughness=_best_roughness(
                  design[patches], signal[patches], sigma[patches], used[patches])))
-    solved, covariance = _fit_each(solve, design, signal, sigma, used)
-    others = [_fit_each(solve, design, signal, sigma,
-                        used & (np.arange(len(signal)) != patch)[:, None])
-              for patch in range(len(signal))]
-    without, spread = (np.array(column) for column in zip(*others, strict=True))
-    if method != "smooth":                          # the two ends are zero
-        ends = (1, 1)
-        solved, design = (np.pad(values, ((0, 0), ends)) for values in (solved, design))
-        covariance = np.pad(covariance, ((0, 0), ends, ends))
-        without, spread = (np.pad(without, ((0, 0), (0, 0), ends)),
-                           np.pad(spread, ((0, 0), (0, 0), ends, ends)))
-    return BandFits(full, solved, covariance, design, without, spread, condition)
+    ends = (0, 0) if method == "smooth" else (1, 1)         # the two are zero
+
+    def fit(chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        solved, covariances = zip(*(
+            solve(design[of_band], signal[of_band, band], sigma[of_band, band])
+            for band, of_band in enumerate(chosen.T)), strict=True)
+        return np.pad(solved, ((0, 0), ends)), np.pad(covariances, ((0, 0), ends, ends))
+    return full, fit
 
 
 def condition_number(rows: np.ndarray, grid: WavelengthGrid,
@@ -122,15 +104,6 @@ def _require_determined(design: np.ndarray, fewest: int, condition: float,
         raise CalibrationError(f"the chart under this light cannot determine {coefficients} "
                                f"coefficients (condition number {condition:.1e}); check that the "
                                "light covers 400-700 nm")
-
-
-def _fit_each(solve: Solver, design: np.ndarray, signal: np.ndarray, sigma: np.ndarray,
-              used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Coefficients (K, N) and covariances (K, N, N), band after band, of signals that are used."""
-    solved = [solve(design[of_band], signal[of_band, band], sigma[of_band, band])
-              for band, of_band in enumerate(used.T)]
-    coefficients, covariances = (np.array(column) for column in zip(*solved, strict=True))
-    return coefficients, covariances
 
 
 def _solve_paper(design: np.ndarray, signal: np.ndarray,

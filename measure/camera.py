@@ -214,10 +214,10 @@ class CameraFit:
         facts: dict[str, object] = {
             "verdict": self.verdict, "says": self.says,
             "light_evidence": [
-                {"light": one.stated, "against": one.against, "limit": one.limit,
-                 "contradicts": one.contradicts,
-                 "kinds": dict(zip(one.kinds, one.probabilities.tolist(), strict=True)),
-                 "says": texts.says(one.finding)} for one in result.light_evidence],
+                {"light": one.values["stated"], "against": one.values["against"],
+                 "limit": one.values["limit"], "contradicts": one.code == "light.contradicted",
+                 "kinds": one.values["kinds"], "says": texts.says(one)}
+                for one in result.light_evidence],
             "wavelengths_nm": fit.grid.nm, "sensitivities": fit.curves, "bands": self.bands,
             "lower": None if self.curve_band is None else self.curve_band[0],
             "upper": None if self.curve_band is None else self.curve_band[1],
@@ -242,7 +242,7 @@ class CameraFit:
             first = joint.photos[0]
             facts |= {"model_error": joint.model_error, "chi_square": joint.chi_square,
                       "prior_share": joint.prior_share, "photos": len(joint.photos),
-                      "field": first.field, "glare": first.glare,
+                      "field": first.field, "glare": first.white.glare,
                       "nearest_cameras": [{"cameras": members, "probability": share}
                                           for members, share in joint.families]}
         return facts

@@ -13,11 +13,11 @@ from spectrabox.radiometry.findings import Finding, Severity
 from spectrabox.radiometry.interreflection import white_signal
 from spectrabox.radiometry.records import calibration, scenes, spectra
 from spectrabox.reconstruct import agreement as view_agreement
+from spectrabox.reconstruct import misfit
 from spectrabox.reconstruct import view as photo_views
 from spectrabox.reconstruct.fit.transport_fit import TransportFit, band_signals
 from spectrabox.reconstruct.gradient_engine import invert_by_gradient, seconds_of_descent
 from spectrabox.reconstruct.linearity import linearity
-from spectrabox.reconstruct.misfit import surface_misfits, surface_tests
 from spectrabox.reconstruct.scene.scene_file import needs_descent
 from spectrabox.reconstruct.settings import ENGINES, InversionSettings
 from spectrabox.reconstruct.transport_engine import require_lit, require_traceable, solve_views
@@ -276,8 +276,9 @@ def _record(view: photo_views.PhotoView, solution: photo_views.ViewSolution,
     stated_error = float(np.hypot(settings.surface_error, settings.brightness_error))
     labels = [f"{material} / {name}" for name, material in zip(names, materials, strict=True)]
     numbers = [agreement.names.index(label) if label in agreement.names else -1 for label in labels]
-    tests = surface_tests(labels, view.measured, rendered, view.surface, view.used, stated_error)
-    misfits = surface_misfits(tests, view.bands)
+    misfits = misfit.surface_misfits(
+        labels, view.bands, view.measured, rendered,
+        [view.used & (view.surface == index) for index in range(len(labels))], stated_error)
     spectra = view.spectra(solution.coefficients)
     basis = view.basis(settings.coefficients)
     white = white_signal(view.response)

@@ -11,8 +11,7 @@ chance of any false alarm.
 """
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -31,72 +30,46 @@ ALIKE = 0.3             # of the largest deviation: bands that differ by less ar
 MIN_SHOWN = 0.005       # smaller deviations are left unsaid, however certain
 
 
-@dataclass(frozen=True)
-class SurfaceTest:
-    """One surface in one band."""
-
-    surface: str
-    band: int
-    kind: str               # "level" or "shape"
-    deviation: float        # level: photo / rendering - 1; shape: scatter of the blocks
-    expected: float         # standard deviation that noise and stated errors explain
-    p: float
-    # Holm's: below the chance of a false alarm that one accepts, the surface does not fit
-    adjusted: float
-    # of the block that is farthest off: photo / rendering - 1, less CERTAIN standard errors of
-    # noise, 0 where noise explains it
-    worst_part: float
-
-    @property
-    def fits(self) -> bool:
-        """False where the deviation is beyond chance, at ``FALSE_ALARM`` over the whole scene."""
-        return self.adjusted >= FALSE_ALARM or abs(self.deviation) < MIN_SHOWN
-
-
-def surface_tests(names: Sequence[str], measured: np.ndarray, rendered: np.ndarray,
-                  surface: np.ndarray, used: np.ndarray,
-                  surface_error: float) -> tuple[SurfaceTest, ...]:
-    """Tests of every surface that has enough usable pixels, in all bands.
+def surface_tests(measured: np.ndarray, rendered: np.ndarray, masks: Sequence[np.ndarray],
+                  surface_error: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Level and shape of every surface in every band; NaN where a surface has too few usable
+    pixels, and in the shape of one that has a single block.
 
     Parameters
     ----------
-    names : one for each index in ``surface``
     measured, rendered : (H, W, K) signal
-    surface : (H, W) int
-    used : (H, W) bool
+    masks : sequence of S (H, W) bool arrays
+        Usable pixels of each surface.
     surface_error : float
         Standard deviation of the log brightness of a surface by which scene and photo may differ.
+
+    Returns
+    -------
+    deviation : (2, S, K) array
+        Of the level, photo / rendering - 1; and the scatter of the blocks.
+    expected : (2, S, K) array
+        Standard deviation of both that noise and stated errors explain.
+    p : (2, S, K) array
     """
     from scipy.special import chdtrc, ndtr
 
-    tests: list[tuple[str, int, str, float, float, float]] = []
-    parts: list[float] = []
-    for index, name in enumerate(names):
-        mask = used & (surface == index)
+    deviation, expected, p = np.full((3, 2, len(masks), measured.shape[2]), np.nan)
+    for index, mask in enumerate(masks):
         if mask.sum() < MIN_PIXELS or not np.all(rendered[mask].sum(axis=0) > 0):
             continue
-        for band in range(measured.shape[2]):
-            photo, model = measured[..., band], rendered[..., band]
-            ratio = photo[mask].sum() / model[mask].sum()
-            noise = _relative_noise(photo, model * ratio, mask)
-            level = np.hypot(noise / np.sqrt(mask.sum()), surface_error)
-            score = np.log(ratio) / level if level > 0 else np.inf
-            tests.append((name, band, "level", float(ratio - 1), float(level),
-                          float(2 * ndtr(-abs(score)))))
-            blocks, pixels = _blocks(photo, model * ratio, mask)
-            deviation, error = ratio * (1 + blocks) - 1, ratio * noise / np.sqrt(pixels)
-            certain = np.sign(deviation) * np.maximum(np.abs(deviation) - CERTAIN * error, 0)
-            parts.append(float(max(certain, key=abs, default=0.0)))
+        for band, (ratio, photo, model) in enumerate(_bands(measured, rendered, mask)):
+            noise = _relative_noise(photo, model, mask)
+            error = np.hypot(noise / np.sqrt(mask.sum()), surface_error)
+            score = np.log(ratio) / error if error > 0 else np.inf
+            level, shape = (0, index, band), (1, index, band)
+            deviation[level], expected[level], p[level] = ratio - 1, error, 2 * ndtr(-abs(score))
+            blocks, pixels = _blocks(photo, model, mask)
             if len(blocks) > 1:
                 variance = noise**2 / pixels + SHAPE_ERROR**2
                 centre = np.sum(blocks / variance) / np.sum(1 / variance)
-                p = chdtrc(len(blocks) - 1, np.sum((blocks - centre) ** 2 / variance))
-                tests.append((name, band, "shape", float(blocks.std(ddof=1)),
-                              float(np.sqrt(variance.mean())), float(p)))
-                parts.append(parts[-1])
-    adjusted = holm(np.array([row[-1] for row in tests]))
-    return tuple(SurfaceTest(*row, adjusted=float(p), worst_part=part)
-                 for row, p, part in zip(tests, adjusted, parts, strict=True))
+                deviation[shape], expected[shape] = blocks.std(ddof=1), np.sqrt(variance.mean())
+                p[shape] = chdtrc(len(blocks) - 1, np.sum((blocks - centre) ** 2 / variance))
+    return deviation, expected, p
 
 
 def holm(p: np.ndarray) -> np.ndarray:
@@ -117,16 +90,17 @@ def holm(p: np.ndarray) -> np.ndarray:
     return adjusted
 
 
-def surface_misfits(tests: Sequence[SurfaceTest],
-                    bands: Sequence[str]) -> tuple[Finding, ...]:
+def surface_misfits(names: Sequence[str], bands: Sequence[str], measured: np.ndarray,
+                    rendered: np.ndarray, masks: Sequence[np.ndarray],
+                    surface_error: float) -> tuple[Finding, ...]:
     """The surfaces on which photo and rendering differ beyond chance and beyond what was stated,
     worst first.
 
     Parameters
     ----------
-    tests : sequence of SurfaceTest
-        All of the scene.
-    bands : K names
+    names, bands : S and K names
+    measured, rendered, masks, surface_error
+        As of ``surface_tests``.
 
     Returns
     -------
@@ -136,29 +110,44 @@ def surface_misfits(tests: Sequence[SurfaceTest],
         it is by chance; ``part``, photo / rendering - 1 of the part that deviates most, None where
         something else does more; and ``p`` after Holm's correction.
     """
-    wrong = [test for test in tests if not test.fits]
-    worst_part: dict[str, float] = {}
-    for test in tests:
-        worst_part[test.surface] = max(worst_part.get(test.surface, 0.0), test.worst_part, key=abs)
-    by_surface: dict[str, list[SurfaceTest]] = {}
-
-    def severity(test: SurfaceTest) -> tuple[float, float]:
-        return test.adjusted, -abs(test.deviation) / max(test.expected, 1e-12)
-
-    for test in sorted(wrong, key=severity):
-        by_surface.setdefault(test.surface, []).append(test)
+    deviation, expected, p = surface_tests(measured, rendered, masks, surface_error)
+    tested = ~np.isnan(deviation)
+    p[tested] = holm(p[tested])
+    wrong = tested & ~(p >= FALSE_ALARM) & (np.abs(deviation) >= MIN_SHOWN)
+    by_severity = np.lexsort((-np.abs(deviation[wrong]) / np.maximum(expected[wrong], 1e-12),
+                              p[wrong]))
     misfits = []
-    for surface, own in by_surface.items():
-        level = {bands[test.band]: test.deviation
-                 for test in sorted(own, key=lambda test: test.band) if test.kind == "level"}
-        scatter = max((test.deviation for test in own if test.kind == "shape"), default=None)
-        part = worst_part[surface]
-        largest = max((*(test.deviation for test in own), part), key=abs)
-        misfits.append(Finding("scene.misfit", Severity.WARN, surface, {
-            "value": abs(largest), "level": level, "scatter": scatter,
+    for index in dict.fromkeys(np.nonzero(wrong)[1][by_severity].tolist()):
+        (level, shape), (off, scatter) = wrong[:, index], deviation[:, index]
+        part = worst_part(measured, rendered, masks[index])
+        largest = max((*off[level], *scatter[shape], part), key=abs)
+        misfits.append(Finding("scene.misfit", Severity.WARN, names[index], {
+            "value": float(abs(largest)),
+            "level": {bands[band]: float(off[band]) for band in np.flatnonzero(level).tolist()},
+            "scatter": float(scatter[shape].max()) if shape.any() else None,
             "part": part if largest == part else None,
-            "p": min(test.adjusted for test in own)}))
+            "p": float(p[:, index][wrong[:, index]].min())}))
     return tuple(misfits)
+
+
+def worst_part(measured: np.ndarray, rendered: np.ndarray, mask: np.ndarray) -> float:
+    """Photo / rendering - 1 of the block of a surface that is farthest off in any band, less
+    ``CERTAIN`` standard errors of noise; 0 where noise explains it.
+
+    Parameters
+    ----------
+    measured, rendered : (H, W, K) signal
+    mask : (H, W) bool
+        Usable pixels of the surface.
+    """
+    worst = 0.0
+    for ratio, photo, model in _bands(measured, rendered, mask):
+        blocks, pixels = _blocks(photo, model, mask)
+        off = ratio * (1 + blocks) - 1
+        error = ratio * _relative_noise(photo, model, mask) / np.sqrt(pixels)
+        certain = np.sign(off) * np.maximum(np.abs(off) - CERTAIN * error, 0)
+        worst = max((worst, *certain.tolist()), key=abs)
+    return worst
 
 
 def common_cause(agreement: SurfaceAgreement, misfits: Sequence[Finding],
@@ -185,6 +174,14 @@ def common_cause(agreement: SurfaceAgreement, misfits: Sequence[Finding],
                        values=values | {"ratio": float(np.exp(common.mean()))})
     return Finding("scene.factor-of-bands", Severity.WARN, values=values | {
         "ratios": dict(zip(bands, np.exp(common).tolist(), strict=True))})
+
+
+def _bands(measured: np.ndarray, rendered: np.ndarray,
+           mask: np.ndarray) -> Iterator[tuple[float, np.ndarray, np.ndarray]]:
+    """Of each band photo / rendering over a surface, and both (H, W), as bright there."""
+    for photo, model in zip(np.moveaxis(measured, 2, 0), np.moveaxis(rendered, 2, 0), strict=True):
+        ratio = photo[mask].sum() / model[mask].sum()
+        yield ratio, photo, model * ratio
 
 
 def _relative_noise(photo: np.ndarray, model: np.ndarray, mask: np.ndarray) -> float:

@@ -19,7 +19,6 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from spectrabox.radiometry.interreflection import lower_products, products
-from spectrabox.reconstruct.fit.transport_fit import LAMP_SHARE, smoothed_variance
 from spectrabox.reconstruct.tracer import transport, unit_scene
 
 MAX_NODES = 25_000
@@ -28,46 +27,36 @@ PASSES = 4                  # whose scatter is the noise
 BYTES = 3 << 27             # of the coefficients: with more products there are fewer nodes
 
 
-@dataclass(frozen=True, eq=False)
-class PixelLight:
-    """Light at N nodes, of L light groups, by E products of M materials."""
+def light_on_nodes(traced: transport.TracedTransport, own: np.ndarray, reflectances: np.ndarray,
+                   lamps: np.ndarray) -> np.ndarray:
+    """Light (N, P) on the surfaces of N regions: radiance of a perfect white there.
 
-    nodes: LightNodes
-    own: np.ndarray                 # (N,) material of each node
-    exponents: np.ndarray           # (E, M)
-    coefficients: np.ndarray        # (N, L, E)
-    relative_variance: np.ndarray   # (N,) by the noise of tracing
-
-    @property
-    def lamp(self) -> np.ndarray:
-        """Nodes (N,) bool that show a lamp."""
-        seen = self.coefficients[..., 0].sum(axis=1)
-        return np.asarray(seen > LAMP_SHARE * self.coefficients.sum(axis=(1, 2)))
-
-    def on_nodes(self, reflectances: np.ndarray, lamps: np.ndarray) -> np.ndarray:
-        """Light (N, P): radiance of a perfect white there.
-
-        Parameters
-        ----------
-        reflectances : (M, P) array
-        lamps : (L, P) array
-            Spectra of the light groups.
-        """
-        terms, lower = products(self.exponents, reflectances), lower_products(self.exponents)
-        light = np.zeros((len(self.own), reflectances.shape[1]))
-        for material in np.unique(self.own):
-            nodes = np.flatnonzero(self.own == material)
-            begins = np.flatnonzero(self.exponents[:, material] > 0)
-            onward = terms[lower[begins, material]]
-            for group, lamp in enumerate(lamps):
-                light[nodes] += self.coefficients[nodes, group][:, begins] @ (onward * lamp)
-        return light
+    Parameters
+    ----------
+    traced : TracedTransport
+        Of the regions, by E products of M materials.
+    own : (N,) int
+        Material of each region.
+    reflectances : (M, P) array
+    lamps : (L, P) array
+        Spectra of the light groups.
+    """
+    terms, lower = products(traced.exponents, reflectances), lower_products(traced.exponents)
+    coefficients = traced.coefficients.reshape(len(own), len(lamps), -1)
+    light = np.zeros((len(own), reflectances.shape[1]))
+    for material in np.unique(own):
+        nodes = np.flatnonzero(own == material)
+        begins = np.flatnonzero(traced.exponents[:, material] > 0)
+        onward = terms[lower[begins, material]]
+        for group, lamp in enumerate(lamps):
+            light[nodes] += coefficients[nodes, group][:, begins] @ (onward * lamp)
+    return light
 
 
-def trace_pixel_light(unit: unit_scene.UnitScene, surface: np.ndarray, own: np.ndarray, *,
-                      seed: int, progress: Callable[[float], None],
-                      checkpoint: Path | None = None) -> PixelLight:
-    """Trace the light on all surfaces of a photo.
+def trace_pixel_light(unit: unit_scene.UnitScene, surface: np.ndarray, *, seed: int,
+                      progress: Callable[[float], None], checkpoint: Path | None = None
+                      ) -> tuple[LightNodes, transport.TracedTransport]:
+    """Trace the light on all surfaces of a photo: its nodes, and the transport of their cells.
 
     Parameters
     ----------
@@ -75,8 +64,6 @@ def trace_pixel_light(unit: unit_scene.UnitScene, surface: np.ndarray, own: np.n
         Of the photo's size.
     surface : (H, W) int
         Index of the one surface that each pixel shows; -1 where it is not wanted.
-    own : (S,) int
-        Material of each surface.
     seed : int
     progress : function of the share that is done
     checkpoint : Path, optional
@@ -96,10 +83,7 @@ def trace_pixel_light(unit: unit_scene.UnitScene, surface: np.ndarray, own: np.n
     traced = transport.trace_transport(unit, region, spp=-(-PATHS_OF_NODE * count // pixels),
                                        seed=seed, passes=PASSES, exponents=exponents,
                                        progress=progress, checkpoint=checkpoint)
-    variance = smoothed_variance(traced.relative_variance, nodes.keys[0],
-                                 np.bincount(region[region >= 0]))
-    return PixelLight(nodes, own[nodes.keys[0]], exponents, traced.passes.mean(axis=0, dtype=float),
-                      variance)
+    return nodes, traced
 
 
 def _nodes(surface: np.ndarray, most: int) -> LightNodes:

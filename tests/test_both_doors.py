@@ -63,5 +63,4 @@ def test_a_surface_matched(finished_flat):
     match = sb.match(red_wall, "CES99")
     said = command("match", finished_flat, "CES99", "--only", "red_wall")
     assert said["surfaces"][0]["says"] == match.says
-    assert [one["log_evidence"] for one in said["matches"]] == [one.log_evidence
-                                                                for one in match.matches]
+    assert [one["log_evidence"] for one in said["matches"]] == match.log_evidence.tolist()

@@ -46,10 +46,10 @@ def test_a_veil_is_estimated_where_the_evidence_is_for_it():
     veil = 0.15 * signal.max(axis=0)
     state = calibrated(signal + veil, prior=prior()).prior_fit.photos[0]
     # four standard errors, and what curves and exposure take up of the veil
-    np.testing.assert_array_less(np.abs(state.glare - veil),
-                                 4 * state.glare_error + 0.005 * signal.max())
+    np.testing.assert_array_less(np.abs(state.white.glare - veil),
+                                 4 * state.white.glare_error + 0.005 * signal.max())
     plain = calibrated(signal, prior=prior()).prior_fit
-    assert plain.photos[0].glare_error.max() < 0.01 * signal.max()
+    assert plain.photos[0].white.glare_error.max() < 0.01 * signal.max()
     with pytest.raises(CheckError, match="no camera explains the chart photo"):
         calibrated(((signal + veil) / signal.max()) ** (1 / 2.2), prior=prior())
 

@@ -239,9 +239,9 @@ def test_signals_may_be_in_any_unit():
     # round-off of some thousand terms
     np.testing.assert_allclose(other.sensitivity.curves, one.sensitivity.curves, atol=1e-6)
     np.testing.assert_allclose(theirs.field, ours.field, rtol=1e-6)
-    np.testing.assert_allclose(theirs.glare, 16383 * ours.glare, rtol=1e-4)
+    np.testing.assert_allclose(theirs.white.glare, 16383 * ours.white.glare, rtol=1e-4)
     np.testing.assert_allclose(theirs.predicted, 16383 * ours.predicted, rtol=1e-6)
-    assert np.abs(ours.glare).min() > 0.005
+    assert np.abs(ours.white.glare).min() > 0.005
 
 
 def test_curves_of_drawn_cameras_err_as_stated(drawn_photos):

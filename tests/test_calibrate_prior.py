@@ -132,7 +132,8 @@ def test_fall_off_and_glare_cost_little():
     # factor.
     np.testing.assert_allclose(field / field.mean(), (1 - 0.2 * across) / (1 - 0.2 * across).mean(),
                                atol=0.02)
-    np.testing.assert_allclose(distorted.photos[0].glare / signal.max(axis=0), 0.01, atol=0.005)
+    np.testing.assert_allclose(distorted.photos[0].white.glare / signal.max(axis=0), 0.01,
+                               atol=0.005)
 
 
 def test_a_second_photo_under_another_light_narrows_the_curves():

@@ -28,7 +28,7 @@ from spectrabox.calibrate.chart_equations import (
 )
 from spectrabox.calibrate.prior.curve_posterior import PhotoState
 from spectrabox.calibrate.prior.prior_fit import held_out_signals, posterior_of_curves
-from spectrabox.calibrate.spline_fit import fit_bands
+from spectrabox.calibrate.spline_fit import band_fits
 from spectrabox.calibrate.trust import fit_findings
 from spectrabox.capture.chart.patches import VARIANCE_LEFT_BY_CLIPPING, sample_patches
 from spectrabox.measure.more_bands.joined_errors import _of_cause
@@ -57,12 +57,10 @@ def image(signal, variance=1e-6):
 
 
 def p_values(kind, surface, scenes, surface_error):
-    names = tuple(f"paint / {index}" for index in range(surface.max() + 1))
+    masks = [surface == index for index in range(surface.max() + 1)]
     model = np.full((*surface.shape, 3), 0.5)
-    return np.array([test.p for scene in scenes
-                     for test in surface_tests(names, scene, model, surface,
-                                               np.ones(surface.shape, bool), surface_error)
-                     if test.kind == kind])
+    return np.ravel([surface_tests(scene, model, masks, surface_error)[2][kind]
+                     for scene in scenes])
 
 
 @pytest.mark.parametrize("surface_error", [0.0, 0.003])
@@ -71,7 +69,7 @@ def test_p_values_of_levels_are_uniform_on_scenes_that_fit(surface_error):
     surface = np.repeat(np.arange(4), 12)[:, None] * np.ones((1, 48), int)
     scenes = [0.5 * np.exp(surface_error * rng.standard_normal((4, 3)))[surface]
               * (1 + 0.05 * rng.standard_normal((48, 48, 3))) for _ in range(70)]
-    values = p_values("level", surface, scenes, surface_error)
+    values = p_values(0, surface, scenes, surface_error)
     assert values.size == 840 and stats.kstest(values, "uniform").pvalue > SIGNIFICANCE
 
 
@@ -81,7 +79,7 @@ def test_p_values_of_shapes_are_uniform_where_blocks_err_as_stated():
     surface = row // 8 * 6 + column // 8            # of four blocks each
     scenes = [0.5 * (1 + SHAPE_ERROR * rng.standard_normal((12, 12, 3)).repeat(4, 0).repeat(4, 1)
                      + 1e-3 * rng.standard_normal((48, 48, 3))) for _ in range(12)]
-    values = p_values("shape", surface, scenes, 0.01)
+    values = p_values(1, surface, scenes, 0.01)
     assert values.size == 1296 and stats.kstest(values, "uniform").pvalue > SIGNIFICANCE
 
 
@@ -117,13 +115,15 @@ def test_covariance_of_splines_is_that_of_their_errors(method, understated):
     coefficients = np.pad(rng.uniform(0.5, 1, (bands, 8)), ((0, 0), (1, 1)))
     signal = rows @ basis_matrix(GRID.nm, 10) @ coefficients.T
     signal = signal + sigma * rng.standard_normal(signal.shape)
-    fit = fit_bands(method, rows, signal, np.full(signal.shape, sigma / understated), GRID, 10,
-                    np.ones(signal.shape, bool))
+    used = np.ones(signal.shape, bool)
+    _, fit = band_fits(method, rows, signal, np.full(signal.shape, sigma / understated), GRID, 10,
+                       used)
+    found, covariance = fit(used)
     design = rows @ basis_matrix(GRID.nm, 10)[:, 1:-1]
     exact = np.diag(np.linalg.inv(design.T @ design)) * sigma**2
-    assert np.all(fit.coefficients[:, 1:-1] > 0)
+    assert np.all(found[:, 1:-1] > 0)
     # 16 degrees of freedom each: the mean of 60 variances is known to 4.6 %
-    share = np.diagonal(fit.covariance[:, 1:-1, 1:-1], axis1=1, axis2=2) / exact
+    share = np.diagonal(covariance[:, 1:-1, 1:-1], axis1=1, axis2=2) / exact
     np.testing.assert_allclose(share.mean(axis=0), 1, atol=0.18)
 
 
@@ -280,8 +280,8 @@ def test_a_material_is_off_by_what_its_surfaces_are_off_by_together_and_apart():
 def test_glare_is_claimed_beyond_three_of_its_standard_errors(sigmas, claimed):
     """Of 5 % of the brightest patch: much, where it is certain."""
     glare = np.array([0.05, 0.0, 0.0])
-    state = PhotoState(1.0, 0.01, np.ones(24), glare, np.full(3, 0.05 / sigmas), np.ones((24, 3)),
-                       ChartWhite(np.ones(3), np.zeros(0), glare, np.eye(6)))
+    state = PhotoState(1.0, 0.01, np.ones(24), np.ones((24, 3)), ChartWhite(
+        np.ones(3), np.zeros(0), glare, (0.05 / sigmas) ** 2 * np.eye(6)))
     fit = SimpleNamespace(model_error=0.002, chi_square=1.0, families=(), photos=(state,),
                           prior_share=np.zeros((3, GRID.nm.size)))
     glare = [one.values["glare"] for one in fit_findings(fit, GRID)

@@ -145,7 +145,7 @@ def test_an_unknown_light_leaves_products_and_a_posterior_of_its_own(name, kind)
 def test_a_light_that_contradicts_the_chart_is_named(true, stated, contradicts):
     photo = chart_photo(true, spectrum(stated))
     evidence, = evidence_on_lights([photo], [photo.equations(GRID)], shipped_prior(), GRID)
-    assert evidence.contradicts == contradicts
+    assert (evidence.code == "light.contradicted") == contradicts
 
 
 def test_the_doubt_is_in_the_calibration_and_the_run_goes_on_with_an_unknown_light():

@@ -43,10 +43,9 @@ def fitted(photo):
 def test_a_right_statement_is_agreed_with_before_anything_else(fitted, light):
     camera, lines, facts = fitted(light)
     evidence, = camera.light_evidence
-    assert evidence.against < 0 and not evidence.contradicts
-    assert evidence.finding.code == "light.agrees"
-    assert camera.findings[0] == evidence.finding
-    assert lines[1] == f"- {texts.says(evidence.finding)}" == f"- {camera.checks[0]}"
+    assert evidence.values["against"] < 0 and evidence.code == "light.agrees"
+    assert camera.findings[0] == evidence
+    assert lines[1] == f"- {texts.says(evidence)}" == f"- {camera.checks[0]}"
     assert facts["findings"] == [texts.facts(one) for one in camera.findings]
     assert camera.verdict == facts["verdict"] == "pass"
     assert lines[-1] == f"verdict: PASS. {camera.says}" and facts["says"] == camera.says
@@ -58,15 +57,13 @@ def test_a_right_statement_is_agreed_with_before_anything_else(fitted, light):
 def test_a_wrong_statement_is_contradicted_first_and_in_the_verdict(fitted, light):
     camera, lines, facts = fitted(light)
     evidence, = camera.light_evidence
-    assert evidence.contradicts and camera.findings[0] == evidence.finding
-    assert evidence.finding.code == "light.contradicted"
+    assert evidence.code == "light.contradicted" and camera.findings[0] == evidence
     assert camera.verdict == facts["verdict"] == "warn"
     assert lines[-1].startswith("verdict: WARN. ")
-    assert texts.says(evidence.finding) in lines[-1] and facts["doubts"]
+    assert texts.says(evidence) in lines[-1] and facts["doubts"]
     said, = facts["light_evidence"]
     assert said["contradicts"] and said["against"] > said["limit"]
-    assert said["kinds"]["halogen"] == pytest.approx(
-        dict(zip(evidence.kinds, evidence.probabilities, strict=True))["halogen"])
+    assert said["kinds"] == evidence.values["kinds"]
 
 
 def test_the_kind_of_an_unknown_light_is_a_finding_and_a_stated_kind_is_none(fitted):
@@ -76,7 +73,7 @@ def test_the_kind_of_an_unknown_light_is_a_finding_and_a_stated_kind_is_none(fit
     assert unknown.findings[0].code == "light.kind"
     assert "light.kind" not in {one.code for one in stated.findings}
     # by the same photo and the same lamps
-    np.testing.assert_allclose(stated.light_evidence[0].probabilities,
+    np.testing.assert_allclose(list(stated.light_evidence[0].values["kinds"].values()),
                                unknown.calibration.light_posterior.probabilities, atol=1e-9)
 
 
@@ -116,5 +113,5 @@ def test_a_real_chart_gets_a_verdict_and_its_stated_light_is_answered_first(name
         assert camera.findings[0].code == "light.kind"
     else:
         evidence, = camera.light_evidence
-        assert camera.findings[0] == evidence.finding
-        assert evidence.contradicts == (light == "D65")
+        assert camera.findings[0] == evidence
+        assert (evidence.code == "light.contradicted") == (light == "D65")

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from spectrabox.measure.signals.matching import match_signal
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.records.spectra import Quantity, SpectralMeasurement
 from spectrabox.radiometry.spectra.named_spectra import relative_response
 from spectrabox.radiometry.spectra.spectrum_files import table_text
-from spectrabox.sampling.evaluation.identification import ALIKE_NM, SpectralLibrary, identify
+from spectrabox.sampling.evaluation.identification import ALIKE_NM, SpectralLibrary, evidence
 from spectrabox.sampling.prior.mixture import drawn_reflectances, load_prior
 from spectrabox.sampling.prior.mixture_posterior import with_floor
 from spectrabox.session.cli import app
@@ -43,6 +44,10 @@ def measured(signal, noise=NOISE):
     return SpectralMeasurement(GRID, RESPONSE, signal, noise)
 
 
+def identified(measurement, spectra, prior, variation=0.01):
+    return match_signal("", measurement, as_library(spectra), prior, variation=variation)
+
+
 def another_sample(spectrum, variation, rng):
     """Another sample (P,) of a material: it varies alike over ALIKE_NM."""
     alike = np.exp(-((GRID.nm[:, None] - GRID.nm) / ALIKE_NM)**2 / 2)
@@ -63,10 +68,10 @@ def test_the_true_spectrum_is_among_those_not_told_apart_in_95_of_100_cases(coun
     for _ in range(times):
         true = rng.integers(count)
         seen = RESPONSE @ another_sample(spectra[true], variation, rng)
-        matches, *_ = identify(measured(seen + root @ rng.standard_normal(3)),
-                               as_library(spectra), prior, variation=variation)
-        held += matches[true].indistinguishable
-        told_apart += count - sum(match.indistinguishable for match in matches)
+        found = identified(measured(seen + root @ rng.standard_normal(3)), spectra, prior,
+                           variation)
+        held += found.may_be[found.names.index(str(true))]
+        told_apart += count - found.indistinguishable
     # binomial at three standard deviations; at most 99 % can hold, since 1 % are rejected
     assert 0.95 - 3 * np.sqrt(0.95 * 0.05 / times) <= held / times <= 0.995
     # It would hold as well if nothing were ever told apart.
@@ -77,8 +82,7 @@ def test_evidence_and_misfit_are_those_of_the_gaussian_in_closed_form():
     spectra, signal = library(3), np.array([0.2, 0.3, 0.25])
     error = np.full(spectra.shape, 0.03)
     error[0] = 0
-    matches, *_ = identify(measured(signal), as_library(spectra, error), load_prior(),
-                           variation=0.02)
+    log_evidence, misfit, _ = evidence(measured(signal), as_library(spectra, error), 0.02)
     alike = np.exp(-((GRID.nm[:, None] - GRID.nm) / ALIKE_NM)**2 / 2)
     for index, spectrum in enumerate(spectra):
         variance = 0.02**2 + error[index, 0]**2
@@ -87,8 +91,8 @@ def test_evidence_and_misfit_are_those_of_the_gaussian_in_closed_form():
         distance = r @ np.linalg.inv(covariance) @ r
         density = np.exp(-distance / 2) / np.sqrt((2 * np.pi)**3 * np.linalg.det(covariance))
         # round-off of the inverse
-        assert matches[index].log_evidence == pytest.approx(np.log(density), rel=1e-9)
-        assert matches[index].misfit == pytest.approx(np.sqrt(distance), rel=1e-9)
+        assert log_evidence[index] == pytest.approx(np.log(density), rel=1e-9)
+        assert misfit[index] == pytest.approx(np.sqrt(distance), rel=1e-9)
 
 
 def test_evidence_of_the_prior_is_the_mean_density_of_its_draws():
@@ -100,7 +104,7 @@ def test_evidence_of_the_prior_is_the_mean_density_of_its_draws():
     covariance = with_floor(noise)
     density = np.exp(-np.einsum("nk,kl,nl->n", residual, np.linalg.inv(covariance), residual) / 2) \
         / np.sqrt((2 * np.pi)**3 * np.linalg.det(covariance))
-    _, _, of_none, _ = identify(measured(signal, noise), as_library(library(2)), prior)
+    of_none = identified(measured(signal, noise), library(2), prior).log_evidence_of_none
     # Laplace's approximation per component, and a few per cent of Monte Carlo error
     assert of_none == pytest.approx(np.log(density.mean()), abs=0.15)
 
@@ -111,17 +115,17 @@ def test_none_fits_where_the_true_spectrum_is_missing_and_far():
     distances = np.linalg.norm(signals[:, None] - signals, axis=2) + np.eye(len(spectra))
     lonely = int(np.argmax(distances.min(axis=1)))
     others = np.delete(spectra, lonely, axis=0)
-    matches, _, _, of_none = identify(measured(signals[lonely]), as_library(others), prior)
-    assert not any(match.indistinguishable for match in matches) and of_none > 0.95
-    matches, _, _, of_none = identify(measured(signals[lonely]), as_library(spectra), prior)
-    assert [match.name for match in matches if match.indistinguishable] == [str(lonely)]
-    assert of_none < 0.5
+    found = identified(measured(signals[lonely]), others, prior)
+    assert found.none_fits and found.probability_of_none > 0.95
+    found = identified(measured(signals[lonely]), spectra, prior)
+    assert np.array(found.names)[found.may_be].tolist() == [str(lonely)]
+    assert found.probability_of_none < 0.5
 
 
 def test_a_library_given_twice_is_no_likelier():
     spectra, prior = library(20), load_prior()
     signal = measured(RESPONSE @ spectra[3] + np.array([0.0125, -0.0125, 0.0125]))
-    once, twice = (identify(signal, as_library(given), prior)[-1]
+    once, twice = (identified(signal, given, prior).probability_of_none
                    for given in (spectra, np.tile(spectra, (2, 1))))
     assert 0.01 < once < 0.99 and twice == pytest.approx(once, rel=1e-9)
 

@@ -117,7 +117,7 @@ def test_a_material_is_what_its_surface_reflects_and_not_what_most_pixels_show(m
     chart, dark = photo(), np.zeros((1, 3, 3))
     nodes = SimpleNamespace(weights=lambda row, column: csr_array(np.ones((levels.size, 1))))
     scene = SimpleNamespace(view=SimpleNamespace(photo=chart, grid=GRID),
-                            traced=SimpleNamespace(nodes=nodes))
+                            nodes=nodes)
     pixels = LitPhoto(chart, errors_of(White(np.ones((1, 3)), dark, dark)))
     found = scene_light.mean_spectra(
         scene, pixels, np.repeat([2, 5], [8, 4]), np.zeros(levels.size, int),
@@ -145,9 +145,9 @@ def test_scatter_of_a_known_surface_is_that_beyond_its_noise(monkeypatch, spread
                                map(str, range(walls)), "white")))
     scene = SimpleNamespace(
         view=view, node_signals=(measured, (noise * measured)**2), compared=np.ones(nodes, bool),
-        traced=SimpleNamespace(nodes=SimpleNamespace(
+        nodes=SimpleNamespace(
             keys=np.array([np.arange(nodes) % walls, *np.zeros((2, nodes), int)])),
-                               relative_variance=np.full(nodes, traced_noise**2)),
+        relative_variance=np.full(nodes, traced_noise**2),
         disagreement=0.0,
         joint=SimpleNamespace(views=[SimpleNamespace(light_scale=LightScale(1, 0, None, ""),
                                                      findings=())]))
@@ -205,8 +205,8 @@ def test_what_is_uncertain_of_the_light_on_a_node_adds_up_as_variances(monkeypat
         surface=None,
         view=SimpleNamespace(photo=photo(), grid=GRID,
                              sensitivities=np.ones((bands, GRID.nm.size))),
-        traced=SimpleNamespace(nodes=nodes, relative_variance=np.full(row.size, traced_noise**2),
-                               lamp=np.zeros(row.size, bool)),
+        nodes=nodes, relative_variance=np.full(row.size, traced_noise**2),
+        lamp=np.zeros(row.size, bool),
         joint=SimpleNamespace(views=[None]))
     white = scene_light.light_photo(scene, light)[0].errors.white
     slope = 0.01 / nodes.cell

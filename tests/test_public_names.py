@@ -144,7 +144,7 @@ def test_a_signal_matches_its_own_mean():
     found = sb.match([0.53, 0.24, 0.08], {"flat": np.full(61, 0.3), "itself": sb.sample(
         [0.53, 0.24, 0.08], camera="Nikon 5100 (NPL)", light="D65", noise=0.01).mean}, nm=nm,
         camera="Nikon 5100 (NPL)", light="D65", noise=0.01)
-    assert found.matches[0].name == "itself" and found.indistinguishable == 1
+    assert found.names[0] == "itself" and found.indistinguishable == 1
 
 
 def test_without_any_scale_the_strength_of_the_light_is_estimated_with_its_error(finished):

@@ -22,7 +22,7 @@ from spectrabox.reconstruct.fit.transport_fit import TracedView, band_signals, g
 from spectrabox.reconstruct.fit.view_terms import Nuisances, ViewTerms, compress
 from spectrabox.reconstruct.gradient_engine import WINDOW, stalled
 from spectrabox.reconstruct.inverse_rendering import joint_record
-from spectrabox.reconstruct.misfit import surface_tests
+from spectrabox.reconstruct.misfit import worst_part
 from spectrabox.reconstruct.pixel_light import LightNodes
 from spectrabox.reconstruct.rendering.renderer import load_scene, render, start_mitsuba
 from spectrabox.reconstruct.replay import _gains, _photographed
@@ -301,10 +301,9 @@ def test_a_part_is_told_beyond_three_errors_of_its_mean(noise):
     rng, size = np.random.default_rng(18), (160, 160)
     rendered = np.full((*size, 1), 0.5)
     measured = rendered * (1 + noise * rng.standard_normal(rendered.shape))
-    tests = surface_tests(("wall",), measured, rendered, np.zeros(size, int), np.ones(size, bool),
-                          0.01)
+    part = worst_part(measured, rendered, np.ones(size, bool))
     # the largest of 1600 normal blocks: 3.2 to 4.6 errors, of which three are taken off
-    assert 0.1 < abs(tests[0].worst_part) / (noise / 4) < 1.9
+    assert 0.1 < abs(part) / (noise / 4) < 1.9
 
 
 def test_a_replayed_photo_says_the_noise_of_counted_light():

@@ -160,7 +160,7 @@ def test_light_from_other_walls_counts_with_its_colour(scene, lighting, truth, m
     monkeypatch.undo()
     begun = scene.traced.exponents.sum(axis=1) <= 1
     alone = scored(replace(scene, traced=replace(
-        scene.traced, coefficients=scene.traced.coefficients * begun)))
+        scene.traced, passes=scene.traced.passes * begun)))
     # light that is left out makes walls too bright, which a prior of even level pulls back little
     assert whole[0] < 0.05 and whole[0] < as_grey[0] / 1.2 and whole[0] < alone[0] / 1.8
     assert whole[1] > 0.9 and as_grey[1] < whole[1]
@@ -179,7 +179,7 @@ def test_a_picture_under_the_light_as_stated_has_no_scale_of_an_estimated_scene(
     scene = replace(scene, joint=replace(scene.joint, views=(estimated,)),
                     view=replace(scene.view, light_scale=first.light_scale))
     _, scale, spectra = lighting
-    light = scene.traced.on_nodes(spectra, scene.lamps)
+    light = scene.light(spectra)
     # the same light, by the same known walls
     assert scene_light.light_photo(scene, light)[1].value == pytest.approx(scale.value, rel=0.01)
 
@@ -216,11 +216,12 @@ def test_what_leaves_a_node_is_its_reflectance_times_its_light(scene):
     traced = scene.traced
     spectra = np.random.default_rng(1).uniform(0.1, 0.9, (traced.exponents.shape[1], 7))
     lamps = np.linspace(0.5, 2, 7)[None]
-    leaves = traced.coefficients[:, 0] @ products(traced.exponents, spectra) * lamps
+    leaves = traced.coefficients @ products(traced.exponents, spectra) * lamps
     # a pixel beside an edge may show a sliver of the other surface
-    kept = np.unique(traced.nodes.region[(traced.nodes.region >= 0) & ~scene.edges])
-    assert len(kept) > 0.7 * len(leaves) and not traced.lamp[kept].any()
-    found = spectra[traced.own] * traced.on_nodes(spectra, lamps)
+    region = scene.nodes.region
+    kept = np.unique(region[(region >= 0) & ~scene.edges])
+    assert len(kept) > 0.7 * len(leaves) and not scene.lamp[kept].any()
+    found = spectra[scene.own] * pixel_light.light_on_nodes(traced, scene.own, spectra, lamps)
     # sums of a hundred products
     np.testing.assert_allclose(found[kept], leaves[kept], rtol=1e-10)
 

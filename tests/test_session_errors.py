@@ -83,8 +83,8 @@ def test_light_and_shutter_repeat_from_photo_to_photo_alone(photo, causes):
 def test_glare_of_the_chart_is_told_where_it_is_beyond_chance_relative_to_the_picture():
     """Bands 2 and 3 are three errors from 0 and more; the picture's mean is what glare goes by."""
     glare = np.array([0.002, -0.004, 0.009])
-    state = PhotoState(1.0, 0.01, np.ones(24), glare, np.full(3, 1e-3), np.ones((24, 3)),
-                       ChartWhite(np.ones(3), np.zeros(0), glare, np.eye(6)))
+    state = PhotoState(1.0, 0.01, np.ones(24), np.ones((24, 3)), ChartWhite(
+        np.ones(3), np.zeros(0), glare, 1e-6 * np.eye(6)))
     signal = np.zeros((4, 5, 3))
     signal[0, 0] = 4.0, 8.0, 12.0           # of means 0.2, 0.4, 0.6
     found = certain_glare(SimpleNamespace(photos=[state]), SimpleNamespace(signal=signal))
@@ -199,10 +199,9 @@ def surfaces_of(noise, texture, seed):
         sensitivities=CURVES, grid=SimpleNamespace(weights_nm=np.ones(61)), light_scale=None,
         scene_file=SimpleNamespace(surfaces=names), surface_materials=["paint"] * 12,
         scene_materials=[SimpleNamespace(name="paint", reflectance=np.full(61, 0.2))])
-    traced = SimpleNamespace(nodes=SimpleNamespace(keys=[number]),
-                             relative_variance=np.zeros(4800))
     scene = SimpleNamespace(
-        view=view, traced=traced, node_signals=(measured, (noise * clean) ** 2),
+        view=view, nodes=SimpleNamespace(keys=[number]), relative_variance=np.zeros(4800),
+        node_signals=(measured, (noise * clean) ** 2),
         compared=np.ones(4800, bool),
         disagreement=np.hypot(0.01, 0.01),
         joint=SimpleNamespace(views=[SimpleNamespace(
@@ -232,7 +231,7 @@ def test_the_texture_of_a_wall_seen_face_on_is_the_picture_of_it(tmp_path, monke
         crop=SimpleNamespace(rows=slice(0, rows), columns=slice(0, columns)),
         view=SimpleNamespace(surface_materials=["paint"], known=(), size=(columns, rows),
                              scene_file=SimpleNamespace(surfaces={"wall": "bsdf"})),
-        traced=SimpleNamespace(nodes=SimpleNamespace(surface=np.zeros(shape, int))),
+        nodes=SimpleNamespace(surface=np.zeros(shape, int)),
         unit=SimpleNamespace(scene=None))
     seen, mean = np.full(rows * columns, SEEN), np.full((rows * columns, 61), 0.5)
     mean[:, 0], mean[:, 1] = row / 16, column / 16

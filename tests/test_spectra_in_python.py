@@ -142,7 +142,7 @@ def test_spectra_of_colour_science_are_taken_wherever_a_spectrum_is(demos, monke
                   for each, light in ((camera, distribution(lamp)), ((NM, curves), (NM, lamp))))
     np.testing.assert_array_equal(one.mean, other.mean)
     library = {"grey": distribution(card)}
-    assert sb.match(one, library).matches == sb.match(one, {"grey": card}, nm=NM).matches
+    assert sb.match(one, library).facts() == sb.match(one, {"grey": card}, nm=NM).facts()
     regions = {"wall": (986, 462, 1073, 537), "card": (1006, 751, 1165, 806)}
     one, other = (sb.flat("painting/photos/painting.dng", regions, known={"card": each},
                           truth={"wall": each})["wall"].mean for each in (distribution(card), 0.94))

@@ -123,7 +123,8 @@ def chart(photo: Path) -> dict[str, float]:
     """What the bands of patches hold that the fit was not given, and their RMSE."""
     check = sb.fit_camera(photo, light="unknown").chart_check
     rmse, inside, _ = check.means
-    return {"held": inside, "RMSE": rmse, "dE00": check.difference.mean}
+    differences = check.delta_e00[check.patches.counted]
+    return {"held": inside, "RMSE": rmse, "dE00": float(differences.mean())}
 
 
 def marked(photo: Path) -> dict[str, float]:

@@ -26,7 +26,7 @@ class PhotoState(Record):
     """What one photo contained besides the chart.
 
     signal = scale x field x irradiance / pi x integral of sensitivity, light and reflectance, +
-    glare
+    the glare of ``white``
 
     ``scale_error`` is that of scale times curves, in the signal of a perfect reflector: scale
     and curves alone are known less well, but their errors cancel in every predicted signal.
@@ -35,8 +35,6 @@ class PhotoState(Record):
     scale: float
     scale_error: float
     field: Annotated[np.ndarray, "I"]
-    glare: Annotated[np.ndarray, "K"]
-    glare_error: Annotated[np.ndarray, "K"]
     predicted: Annotated[np.ndarray, "I K"]
     white: calibration_records.ChartWhite
     filter: calibration_records.Filter | None = None    # that the photo was taken through
@@ -49,8 +47,8 @@ class PhotoState(Record):
     @property
     def certain_glare(self) -> np.ndarray:
         """Size of the glare (K,) in the bands where it is beyond chance, else 0."""
-        size = np.abs(self.glare)
-        return np.where(size > GLARE_SIGMA * self.glare_error, size, 0.0)
+        size = np.abs(self.white.glare)
+        return np.where(size > GLARE_SIGMA * self.white.glare_error, size, 0.0)
 
 
 def camera_alone(posterior: prior_fit.CurvePosterior, bands: int) -> prior_fit.CurvePosterior:
@@ -256,8 +254,6 @@ def photo_states(posterior: prior_fit.CurvePosterior, photos: list[chart_equatio
             photo, chart_equations.unlit_design(photo, posterior.basis), curves, mean[index],
             mean[index + 1:stop], modes)
         glare = own[terms:] if photo.glare else np.zeros(bands)
-        glare_error = (np.sqrt(np.diag(covariance)[index + 1 + terms:of_filter.start])
-                       if photo.glare else np.zeros(bands))
         # white in each band, and its derivative by curves, log exposure and the filter
         power = photo.power @ posterior.basis
         change = curves * power * chart_equations.passed_slope(modes @ mean[of_filter])
@@ -277,8 +273,8 @@ def photo_states(posterior: prior_fit.CurvePosterior, photos: list[chart_equatio
         jacobian[bands:bands + own.size, index + 1:of_filter.start] = np.eye(own.size)
         scale = float(np.exp(mean[index]) * peak)
         states.append(PhotoState(
-            scale, float(scale * relative), np.exp(photo.field_terms @ own[:terms]), glare,
-            glare_error, predicted.reshape(-1, bands),
+            scale, float(scale * relative), np.exp(photo.field_terms @ own[:terms]),
+            predicted.reshape(-1, bands),
             calibration_records.ChartWhite(np.exp(mean[index]) * white, own[:terms], glare,
                                            jacobian @ covariance @ jacobian.T),
             None if photo.filter is None else _fitted_filter(

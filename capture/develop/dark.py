@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from spectrabox.capture.photo.linear import linear_image, tile_step
-from spectrabox.capture.photo.noise import PhotonTransfer
 from spectrabox.radiometry.errors import CheckError, InputError
 from spectrabox.radiometry.records.photos import LinearImage, RawFrame
 
@@ -80,7 +79,7 @@ def mean_dark(frames: Sequence[RawFrame], cut_off_dn: float = 0.0) -> DarkFrame:
 
 
 def subtract_dark(frame: RawFrame, dark: DarkFrame,
-                  noise: PhotonTransfer | None = None) -> LinearImage:
+                  noise: tuple[np.ndarray, np.ndarray] | None = None) -> LinearImage:
     """Linear signal of a photo with the dark frame in place of its black level.
 
     A hot pixel takes the mean of the nearest pixels of its colour to the left and right that are
@@ -91,8 +90,8 @@ def subtract_dark(frame: RawFrame, dark: DarkFrame,
     ----------
     frame : RawFrame
     dark : DarkFrame
-    noise : PhotonTransfer or None
-        None to take it from the photo itself.
+    noise : two (K,) arrays or None
+        Read noise and gain; None to take them from the photo itself.
 
     Raises
     ------

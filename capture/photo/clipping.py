@@ -205,10 +205,11 @@ def dark_noise(signal: np.ndarray, quantum: float, source: str = "",
         if known is not None:
             bright |= _rows_of_tiles(known, every)
         try:
-            noise = photon_transfer(some[..., None], bright[..., None], quantum, source, samples)
+            read, gain = photon_transfer(some[..., None], bright[..., None], quantum, source,
+                                         samples)
         except errors.InputError:  # no dark tile
             continue
-        return float(noise.read[0]), float(noise.gain[0])
+        return float(read[0]), float(gain[0])
     return None
 
 

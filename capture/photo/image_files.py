@@ -116,7 +116,7 @@ def _clipped_and_noise(signal: np.ndarray, clips: np.ndarray, quantum: float, na
     for band, clip in enumerate(found):
         if clip is not None:
             saturated[..., band] |= signal[..., band] >= CLIP_FRACTION * clip.level
-    variance = noise.photon_transfer(signal, saturated, quantum, name).variance(signal)
+    variance = noise.variance_of(signal, *noise.photon_transfer(signal, saturated, quantum, name))
     for array in (signal, saturated, variance):
         array.flags.writeable = False  # the record then keeps them without a copy
     return saturated, variance, clipping.rolled_off(found)

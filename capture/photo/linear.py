@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from spectrabox.capture.photo import clipping, image_files, processed_photos, raw
-from spectrabox.capture.photo.noise import PhotonTransfer, photon_transfer
+from spectrabox.capture.photo.noise import photon_transfer, variance_of
 from spectrabox.capture.photo.opcodes import gains_at
 from spectrabox.capture.photo.stored_images import is_image_file, read_header
 from spectrabox.radiometry.errors import InputError
@@ -74,7 +74,7 @@ def photo_size(path: str | os.PathLike[str]) -> tuple[int, int]:
     return raw.visible_size(path)
 
 
-def linear_image(frame: photos.RawFrame, noise: PhotonTransfer | None = None,
+def linear_image(frame: photos.RawFrame, noise: tuple[np.ndarray, np.ndarray] | None = None,
                  dark: np.ndarray | None = None,
                  dark_variance: np.ndarray | None = None) -> photos.LinearImage:
     """Signal (DN - black level) / (white level - black level) of each tile of colour filters.
@@ -88,8 +88,9 @@ def linear_image(frame: photos.RawFrame, noise: PhotonTransfer | None = None,
     Parameters
     ----------
     frame : RawFrame
-    noise : PhotonTransfer or None
-        Noise of each band; None to take it from the photo itself (capture/photo/noise.py).
+    noise : two (K,) arrays or None
+        Read noise and gain of each band; None to take them from the photo itself
+        (capture/photo/noise.py).
     dark : (H, W) array or None
         DN, mean dark frame to subtract in place of the black level (capture/develop/dark.py).
     dark_variance : (H, W) array or None
@@ -117,10 +118,10 @@ def linear_image(frame: photos.RawFrame, noise: PhotonTransfer | None = None,
     samples = np.bincount([position.band for position in positions]) // tiles
     clips = clip_points(frame, signal, quantum, samples)
     saturated = _saturated(frame, positions, signal.shape, clips)
-    transfer = noise or photon_transfer(signal, saturated, quantum, frame.file, samples)
+    read, gain = noise or photon_transfer(signal, saturated, quantum, frame.file, samples)
     if dark is None and not frame.black_level.any():
         _require_black_at_zero(frame, signal, saturated, quantum, samples)
-    variance = transfer.variance(signal)
+    variance = variance_of(signal, read, gain)
     if dark_part is not None:
         variance += dark_part
     if frame.gain_maps:
@@ -232,8 +233,7 @@ def full_colour_image(planes: Sequence[photos.RawFrame]) -> photos.LinearImage:
     for band, clip in enumerate(clips):
         if clip is not None:
             saturated[..., band] |= signal[..., band] >= CLIP_FRACTION * clip.level
-    noise = photon_transfer(signal, saturated, 1 / scale, frame.file)
-    variance = noise.variance(signal)
+    variance = variance_of(signal, *photon_transfer(signal, saturated, 1 / scale, frame.file))
     if frame.gain_maps:
         height, width, bands = signal.shape
         for start, band in itertools.product(range(0, height, ROWS_AT_ONCE), range(bands)):
@@ -350,8 +350,8 @@ def _require_black_at_zero(frame: photos.RawFrame, signal: np.ndarray, saturated
     darkest = np.percentile(signal, DARKEST, axis=(0, 1)).astype(np.float32)
     if darkest.min() < MIN_UNKNOWN_BLACK:
         return
-    noise = photon_transfer(signal - darkest, saturated, quantum, frame.file, samples)
-    if np.any((noise.gain > 0) & (noise.read > noise.gain * darkest / 2)):
+    read, gain = photon_transfer(signal - darkest, saturated, quantum, frame.file, samples)
+    if np.any((gain > 0) & (read > gain * darkest / 2)):
         return
     raise InputError(f"raw photo {frame.file}: black lies at 0 DN by the file or LibRaw "
                      f"{raw.LIBRAW_VERSION}, but the darkest pixels read "

@@ -27,7 +27,6 @@ are at black nearly throughout tell nothing and are left out.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
 from statistics import NormalDist
 
 import numpy as np
@@ -49,33 +48,30 @@ SMOOTH_ERROR = 0.03             # relative, of a level however many its tiles: t
 TERMS_PER_FREEDOM = 1 + 2 * (4 / 9 + 1 / 36)
 
 
-@dataclass(frozen=True, eq=False)
-class PhotonTransfer:
-    """Noise of each band: ``variance = read + gain x signal``, of signals of 0 to 1."""
+def variance_of(signal: np.ndarray, read: np.ndarray, gain: np.ndarray) -> np.ndarray:
+    """Variance (H, W, K) float32 of a picture; below black the read noise alone remains.
 
-    read: np.ndarray  # (K,) signal squared
-    gain: np.ndarray  # (K,) signal per detected electron, as far as the noise tells
-
-    def variance(self, signal: np.ndarray) -> np.ndarray:
-        """Variance (H, W, K) float32 of a picture; below black the read noise alone remains.
-
-        Parameters
-        ----------
-        signal : (H, W, K) array
-            Linear.
-        """
-        # so that the reshape below is a view
-        variance = np.maximum(signal, 0, dtype=np.float32, order="C")
-        # one long row at a time is four times as fast as K numbers
-        rows = variance.reshape(variance.shape[0], -1)
-        rows *= np.tile(self.gain.astype(np.float32), variance.shape[1])
-        rows += np.tile(self.read.astype(np.float32), variance.shape[1])
-        return variance
+    Parameters
+    ----------
+    signal : (H, W, K) array
+        Linear.
+    read, gain : (K,) arrays
+        Of ``photon_transfer``.
+    """
+    # so that the reshape below is a view
+    variance = np.maximum(signal, 0, dtype=np.float32, order="C")
+    # one long row at a time is four times as fast as K numbers
+    rows = variance.reshape(variance.shape[0], -1)
+    rows *= np.tile(gain.astype(np.float32), variance.shape[1])
+    rows += np.tile(read.astype(np.float32), variance.shape[1])
+    return variance
 
 
 def photon_transfer(signal: np.ndarray, saturated: np.ndarray, quantum: np.ndarray | float,
-                    source: str = "", samples: np.ndarray | int = 1) -> PhotonTransfer:
-    """The photon-transfer line of each band.
+                    source: str = "", samples: np.ndarray | int = 1
+                    ) -> tuple[np.ndarray, np.ndarray]:
+    """The photon-transfer line of each band, of signals of 0 to 1: read noise (K,), signal squared,
+    and gain (K,), signal per detected electron as far as the noise tells.
 
     Parameters
     ----------
@@ -104,7 +100,7 @@ def photon_transfer(signal: np.ndarray, saturated: np.ndarray, quantum: np.ndarr
                                          int(averaged[band]), name), floor[band])
              for band in range(bands)]
     read, gain = np.array(lines).T
-    return PhotonTransfer(read=read, gain=gain)
+    return read, gain
 
 
 def _tile_statistics(signal: np.ndarray, saturated: np.ndarray, floor: float, samples: int,

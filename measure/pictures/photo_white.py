@@ -43,14 +43,14 @@ def compare_reference_surfaces(scene: TracedPhoto, light: np.ndarray,
     covariance : (K, K) array
         Relative, by which photo and light disagree.
     """
-    view, traced = scene.view, scene.traced
+    view = scene.view
     measured, variance = scene.node_signals
     weights = view.sensitivities * view.grid.weights_nm
     materials_by_name = {material.name: material for material in view.scene_materials}
     rows = []
     for number, name in enumerate(view.scene_file.surfaces):
         material = materials_by_name[view.surface_materials[number]]
-        own = np.flatnonzero((traced.nodes.keys[0] == number) & even & scene.compared)
+        own = np.flatnonzero((scene.nodes.keys[0] == number) & even & scene.compared)
         if material.reflectance is None or own.size < MIN_NODES:
             continue
         predicted = light[own] * material.reflectance @ weights.T
@@ -58,7 +58,7 @@ def compare_reference_surfaces(scene: TracedPhoto, light: np.ndarray,
             continue
         logs = np.log(measured[own] / predicted)
         noise = np.mean(variance[own] / measured[own]**2, axis=0) \
-            + np.mean(traced.relative_variance[own])
+            + np.mean(scene.relative_variance[own])
         rows.append((f"{material.name} / {name}", material.name, own.size,
                      measured[own].sum(axis=0), predicted.sum(axis=0),
                      np.sqrt(np.maximum(logs.var(axis=0) - noise, 0.0))))

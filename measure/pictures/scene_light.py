@@ -55,20 +55,20 @@ def converge_light(scene: traced_photo.TracedPhoto, progress: Callable[[float], 
     changes : list of float
         Largest relative change of the light in each round.
     """
-    view, traced, joint = scene.view, scene.traced, scene.joint
+    view, joint = scene.view, scene.joint
     spectra = np.array([joint.spectra[joint.materials.index(material.name)]
                         for material in view.scene_materials])
     unknown = [index for index, material in enumerate(view.scene_materials)
                if material.reflectance is None]
-    light = traced.on_nodes(spectra, scene.lamps)
+    light = scene.light(spectra)
     photo, scale = light_photo(scene, light)
     sample = _sample_pixels(scene, photo, unknown, np.random.default_rng(scene.seed))
     changes: list[float] = []
     while len(changes) < MAX_ROUNDS and (not changes or changes[-1] > TOLERANCE):
         for index, mean in mean_spectra(scene, photo, *sample).items():
             spectra[index] += STEP * (mean - spectra[index])
-        before, light = light, traced.on_nodes(spectra, scene.lamps)
-        after, earlier = light[~traced.lamp], before[~traced.lamp]
+        before, light = light, scene.light(spectra)
+        after, earlier = light[~scene.lamp], before[~scene.lamp]
         changes.append(float(np.max(np.abs(after - earlier) / np.maximum(
             earlier, UNLIT * np.median(earlier)))) if after.size else 0.0)
         photo, scale = light_photo(scene, light)
@@ -92,7 +92,7 @@ def _sample_pixels(scene: traced_photo.TracedPhoto, photo: lit_photo.LitPhoto,
     """
     view, crop = scene.view, scene.crop
     assert photo.flags is not None
-    inside = scene.traced.nodes.surface[crop.rows, crop.columns]
+    inside = scene.nodes.surface[crop.rows, crop.columns]
     usable = (photo.flags == pixel_flags.SEEN) & ~photo.photo.saturated.any(axis=2)
     places = []
     for material in materials:
@@ -126,7 +126,7 @@ def mean_spectra(scene: traced_photo.TracedPhoto, photo: lit_photo.LitPhoto,
     if not row.size:
         return {}
     whole = scene.view.photo
-    weights = scene.traced.nodes.weights(row, column)
+    weights = scene.nodes.weights(row, column)
     alone = replace(whole, **{name: getattr(whole, name)[row, column][None]
                               for name in ("signal", "variance", "saturated")})
     few = lit_photo.LitPhoto(alone, replace(photo.errors, between=lambda first, last: weights))
@@ -153,7 +153,7 @@ def light_photo(scene: traced_photo.TracedPhoto,
     light : (N, P) array
         Radiance of a perfect white at the nodes, for a light scale of 1.
     """
-    view, nodes, crop = scene.view, scene.traced.nodes, scene.crop
+    view, nodes, crop = scene.view, scene.nodes, scene.crop
     uneven = nodes.unevenness(light @ scene.to_signals.sum(axis=(0, 2)), MISPLACED_PX)
     scale, disagreement = photo_white.compare_reference_surfaces(scene, light,
                                                                  uneven < PENUMBRA_ERROR)
@@ -162,7 +162,7 @@ def light_photo(scene: traced_photo.TracedPhoto,
     grey = np.maximum(white.mean(axis=1), 1e-30)
     bands = white.shape[1]
     ambient = scene.ambient * np.percentile(grey, BRIGHTEST_PERCENTILE) / grey
-    common = scene.traced.relative_variance + uneven**2 + ambient**2
+    common = scene.relative_variance + uneven**2 + ambient**2
     of_scale = sum(error_model.scale_covariances(scene.calibration, scale).values())
     log = of_scale + common[:, None, None] * np.ones((bands, bands))
     width = crop.columns.stop - crop.columns.start
@@ -183,7 +183,7 @@ def light_photo(scene: traced_photo.TracedPhoto,
     region = nodes.region
     flags[(uneven > PENUMBRA_ERROR)[region]] = pixel_flags.PENUMBRA
     flags[(lighting.maps == 0).all(axis=1)[region]] = pixel_flags.DARK
-    flags[scene.edges | (region < 0) | scene.traced.lamp[region]] = pixel_flags.EDGE
+    flags[scene.edges | (region < 0) | scene.lamp[region]] = pixel_flags.EDGE
     return lit_photo.LitPhoto(crop_photo(view.photo, crop), errors, flags[crop.rows, crop.columns],
                     highlights=True), scale
 

@@ -49,7 +49,7 @@ class TextureSums:
                  layout: pixel_spectra.PictureLayout) -> None:
         crop, view = scene.crop, scene.view
         self.findings: tuple[Finding, ...] = ()
-        surface = scene.traced.nodes.surface[crop.rows, crop.columns]
+        surface = scene.nodes.surface[crop.rows, crop.columns]
         unknown = [number for number, name in enumerate(view.surface_materials)
                    if name not in view.known]
         row, column = np.nonzero(np.isin(surface, unknown) & (flags == pixel_flags.SEEN))

@@ -91,6 +91,7 @@ def held_out_facts(patches: calibration_records.HeldOutPatches,
     """
     reasons = poor_patches(patches, names)
     differences = chart_findings.patch_differences(patches)
+    colours = chart_findings.colours(patches).values
     curves = {"estimate": patches.mean, "lower": patches.lower, "upper": patches.upper,
               "reference": patches.reference}
     rows = [{"patch": number + 1, "name": names[number],
@@ -105,7 +106,8 @@ def held_out_facts(patches: calibration_records.HeldOutPatches,
     rmse, inside, expected = patches.means
     return {"rmse_mean": rmse, "coverage_95": inside, "expected_95": expected,
             "level": patches.level,
-            "delta_e00": vars(chart_findings.difference_summary(patches)),
+            "delta_e00": {name: colours[name]
+                          for name in ("mean", "median", "percentile_90", "largest")},
             "wavelengths_nm": patches.grid.nm.tolist(), "patches": rows}
 
 

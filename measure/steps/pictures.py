@@ -183,15 +183,13 @@ def traced_photo(capture: SceneCapture, records: CaptureRecords, work: Work) -> 
                                        bool(view.own_lights))
     surface = np.full(view.surface.shape, -1, np.int32)
     surface[crop.rows, crop.columns] = view.surface[crop.rows, crop.columns]
-    own = np.array([unit.materials.index(name) for name in view.surface_materials])
-    traced = pixel_light.trace_pixel_light(unit, surface, own, seed=capture.seed,
-                               progress=lambda done: work.progress(0.02 + (TRACED - 0.02) * done,
-                                                                   "tracing light"),
-                               checkpoint=work.checkpoint(TRACE))
+    nodes, traced = pixel_light.trace_pixel_light(
+        unit, surface, seed=capture.seed, checkpoint=work.checkpoint(TRACE),
+        progress=lambda done: work.progress(0.02 + (TRACED - 0.02) * done, "tracing light"))
     edges = maximum_filter(view.surface, NEAR_EDGE) != minimum_filter(view.surface, NEAR_EDGE)
     joint, settings = records.reconstruct.joint, capture.inversion
     return TracedPhoto(
-        view, unit, traced, crop, edges, of_families(load_prior(), section.families), joint,
+        view, unit, nodes, traced, crop, edges, of_families(load_prior(), section.families), joint,
         records.calibrations(capture.views)[0],
         inversion.glare_error(capture, records) * joint.views[0].measured.mean(axis=(0, 1)),
         capture.stray_light.ambient, section.surface,

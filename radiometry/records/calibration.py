@@ -83,6 +83,11 @@ class ChartWhite(Record):
     glare: Annotated[np.ndarray, "K"]               # signal
     covariance: Annotated[np.ndarray, "Z Z"]        # of log level, field, glare: Z = 2 K + E
 
+    @property
+    def glare_error(self) -> np.ndarray:
+        """Standard error (K,) of the glare."""
+        return np.sqrt(np.diag(self.covariance)[-len(self.glare):])
+
 
 def share_inside(lower: np.ndarray, upper: np.ndarray, truth: np.ndarray) -> np.ndarray:
     """Share (I,) of wavelengths at which bands (I, P) hold the truth."""

@@ -67,10 +67,7 @@ class TracedView:
     @cached_property
     def weight(self) -> np.ndarray:
         """Inverse variance (R, K), 0 for the regions that see a lamp."""
-        coefficients = self.traced.coefficients
-        direct = coefficients[:, ::len(self.traced.exponents)].sum(axis=1)
-        lamp = direct > LAMP_SHARE * coefficients.sum(axis=1)
-        return np.where(lamp[:, None], 0.0, 1 / self.variance)
+        return np.where(shows_lamp(self.traced)[:, None], 0.0, 1 / self.variance)
 
     def terms(self, coefficients: int, trust: np.ndarray | None = None) -> view_terms.ViewTerms:
         """The view's part of the cost.
@@ -157,6 +154,18 @@ def fit_traced(views: Sequence[TracedView], priors: Sequence[tuple[np.ndarray, n
                  for view, solution in zip(views, fit.views, strict=True)]
         fit = fit_views(terms, materials, priors, fit.coefficients)
     return fit
+
+
+def shows_lamp(traced: TracedTransport) -> np.ndarray:
+    """Regions (R,) bool that show a lamp.
+
+    Parameters
+    ----------
+    traced : TracedTransport
+    """
+    coefficients = traced.coefficients
+    direct = coefficients[:, ::len(traced.exponents)].sum(axis=1)
+    return np.asarray(direct > LAMP_SHARE * coefficients.sum(axis=1))
 
 
 def smoothed_variance(relative_variance: np.ndarray, group: np.ndarray,

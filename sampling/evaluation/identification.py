@@ -50,23 +50,9 @@ class SpectralLibrary(shaped.Record):
     left_out: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class SpectrumMatch:
-    """One spectrum of a library against a signal; fields are named as in ``--json``."""
-
-    name: str
-    library: str
-    log_evidence: float         # nats
-    misfit: float               # Mahalanobis distance, in standard errors
-    p_value: float              # of a misfit at least as large, by chance
-    indistinguishable: bool     # not rejected, and near the best
-
-
-def identify(measurement: SpectralMeasurement, library: SpectralLibrary,
-             prior: mixture.LogitMixture, *, variation: float = VARIATION,
-             evidence_ratio: float | None = None
-             ) -> tuple[list[SpectrumMatch], float, float, float]:
-    """Evidence of every spectrum of a library for one signal, and of none of them.
+def evidence(measurement: SpectralMeasurement, library: SpectralLibrary,
+             variation: float = VARIATION) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """How well every spectrum of a library explains one signal.
 
     Parameters
     ----------
@@ -74,27 +60,19 @@ def identify(measurement: SpectralMeasurement, library: SpectralLibrary,
         0.1 % of white is added to its noise, as samplers do.
     library : SpectralLibrary
         Of n spectra on the measurement's wavelengths.
-    prior : LogitMixture
-        What else the surface may be.
     variation : float
         Standard deviation between samples of one material, of white.
-    evidence_ratio : float, optional
-        How much less evident than the best a spectrum may be and still not be told apart from it,
-        above 1. By default the ratio that a true spectrum exceeds with a probability of 5 % at
-        most: exp(q / 2) with the 95 % quantile q of chi-square.
 
     Returns
     -------
-    matches : list of n SpectrumMatch
-        In the library's order.
-    evidence_ratio : float
-        How near the best is near.
-    log_evidence_of_none : float
-        Under the learnt prior, in nats.
-    probability_of_none : float
-        At even odds of the library and the prior.
+    log_evidence : (n,) array
+        Nats.
+    misfit : (n,) array
+        Mahalanobis distances, in standard errors.
+    p_value : (n,) array
+        Of misfits at least as large, by chance.
     """
-    from scipy.special import chdtrc, chdtri
+    from scipy.special import chdtrc
 
     bands = len(measurement.signal)
     noise = mixture_posterior.with_floor(measurement.noise_covariance)
@@ -107,20 +85,38 @@ def identify(measurement: SpectralMeasurement, library: SpectralLibrary,
     residual = measurement.signal - spectra @ measurement.relative_response.T
     distance = np.einsum("nk,nk->n", residual,
                          np.linalg.solve(covariance, residual[..., None])[..., 0])
-    evidence = -(distance + np.linalg.slogdet(covariance)[1] + bands * np.log(2 * np.pi)) / 2
-    p_value = chdtrc(bands, distance)
-    ratio = np.exp(chdtri(bands, BY_CHANCE) / 2) if evidence_ratio is None else evidence_ratio
-    allowed = p_value >= REJECTED
-    near = evidence >= np.max(evidence, where=allowed, initial=-np.inf) - np.log(ratio)
+    log_evidence = -(distance + np.linalg.slogdet(covariance)[1] + bands * np.log(2 * np.pi)) / 2
+    return log_evidence, np.sqrt(distance), chdtrc(bands, distance)
+
+
+def usual_ratio(bands: int) -> float:
+    """The ratio of evidence to the best that a true spectrum exceeds with a probability of 5 % at
+    most: exp(q / 2) with the 95 % quantile q of chi-square.
+    """
+    from scipy.special import chdtri
+
+    return float(np.exp(chdtri(bands, BY_CHANCE) / 2))
+
+
+def evidence_of_none(measurement: SpectralMeasurement, log_evidence: np.ndarray,
+                     prior: mixture.LogitMixture) -> tuple[float, float]:
+    """Evidence that a surface is none of a library under the learnt prior, in nats, and its
+    probability at even odds of both.
+
+    Parameters
+    ----------
+    measurement : SpectralMeasurement
+    log_evidence : (n,) array
+        Of the library's spectra.
+    prior : LogitMixture
+        What else the surface may be.
+    """
     none = float(
         mixture_posterior.posterior(prior, response_on(measurement, mixture.PRIOR_GRID),
                                     measurement.signal[None],
                                     measurement.noise_covariance).log_evidence[0])
-    of_library = evidence.max() + np.log(np.mean(np.exp(evidence - evidence.max())))
-    matches = [SpectrumMatch(*row) for row in zip(
-        library.names, library.libraries, evidence.tolist(), np.sqrt(distance).tolist(),
-        p_value.tolist(), (near & allowed).tolist(), strict=True)]
-    return matches, float(ratio), none, float(0.5 * (1 + np.tanh(0.5 * (none - of_library))))
+    of_library = log_evidence.max() + np.log(np.mean(np.exp(log_evidence - log_evidence.max())))
+    return none, float(0.5 * (1 + np.tanh(0.5 * (none - of_library))))
 
 
 def _sample_covariance(measurement: SpectralMeasurement, deviation: np.ndarray) -> np.ndarray:

@@ -243,7 +243,7 @@ def _match_text(match: SurfaceMatch) -> str:
     from spectrabox.measure.tables import text_table
     lines = [text_table(HEADINGS, match.rows(MATCHES_SHOWN), text=("spectrum", "library", ""),
                         title=match.surface), match.says]
-    hidden = sum(each.indistinguishable for each in match.matches[MATCHES_SHOWN:])
+    hidden = match.may_be[MATCHES_SHOWN:].sum()
     if hidden:
         lines.insert(1, f"and {hidden} more that may be it (--json lists all)")
     return "\n".join(lines)

@@ -216,7 +216,7 @@ def _chart_section(result: capture_result.CaptureResult) -> dict[str, Any]:
         "camera_families": chart.families}
     of_left_out = {"left_out": []} if left_out is None else {
         "left_out": _left_out(left_out),
-        "left_out_difference": chart_findings.difference_summary(left_out),
+        "left_out_difference": chart_findings.colours(left_out).values,
         "left_out_sentence": texts.sentence(
             chart_findings.held_out(left_out, result.layout.names)[0])}
     return {"chart": chart, "chart_residuals": residuals, "swatches": swatches, **of_prior,

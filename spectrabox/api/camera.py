@@ -10,12 +10,13 @@ from numpy.typing import ArrayLike
 
 from spectrabox.api import arguments, photo, shoot_arguments
 from spectrabox.api.chart_check import ChartCheck
-from spectrabox.calibrate import chart_findings, doubts
+from spectrabox.calibrate import chart_findings
 from spectrabox.measure import plots
 from spectrabox.measure.camera import CameraFit, ChartSignals, chart_in_photo
 from spectrabox.measure.profiles.camera_profile import MatrixComparison, compare_matrices
 from spectrabox.measure.profiles.colour_profile import ColourProfile, profile_of
 from spectrabox.radiometry import chart, errors, files
+from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records import spectra
 from spectrabox.radiometry.records.calibration import Calibration
 from spectrabox.radiometry.spectra.spectrum_files import table_text
@@ -95,10 +96,11 @@ class CameraEstimate(CameraFit):
         return self.curve_band
 
     @property
-    def light_evidence(self) -> tuple[doubts.LightEvidence, ...]:
-        """What the chart says for and against each light that was stated: ``stated``, ``against``
-        (in nats; negative speaks for it), ``contradicts``, ``kinds`` with their ``probabilities``
-        by the chart alone.
+    def light_evidence(self) -> tuple[Finding, ...]:
+        """What the chart says for and against each light that was stated, of the code
+        "light.contradicted" where it is wrong: ``values`` hold ``stated``, ``against`` (in nats;
+        negative speaks for it), ``limit``, and ``kinds`` with their probabilities by the chart
+        alone.
         """
         return self.chart.light_evidence
 

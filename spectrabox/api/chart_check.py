@@ -34,7 +34,7 @@ class ChartCheck:
     --------
     >>> check = sb.fit_camera("mybox/photos/chart.dng", light="mybox/spectra/light.csv").chart_check
     >>> check.rmse, check.inside, check.expected
-    >>> check.delta_e00, check.difference.percentile_90
+    >>> check.delta_e00[check.patches.counted].mean()
     >>> check.poor
     """
 
@@ -51,13 +51,6 @@ class ChartCheck:
     def delta_e00(self) -> np.ndarray:
         """CIEDE2000 (I,) between each patch's estimated spectrum and its reference, under D65."""
         return chart_findings.patch_differences(self.patches)
-
-    @property
-    def difference(self) -> chart_findings.DifferenceSummary:
-        """``mean``, ``median``, ``percentile_90`` and ``largest`` of ``delta_e00``; saturated
-        patches do not count.
-        """
-        return chart_findings.difference_summary(self.patches)
 
     @property
     def inside(self) -> np.ndarray:
@@ -91,6 +84,7 @@ class ChartCheck:
 
     def __repr__(self) -> str:
         rmse, inside, expected = self.means
+        counted = self.delta_e00[self.patches.counted]
         return (f"<ChartCheck of {len(self.names)} patches: error {rmse:.3f}, {inside:.1%} inside, "
-                f"{expected:.1%} expected, CIEDE2000 {self.difference.mean:.1f} on average, "
-                f"{self.difference.percentile_90:.1f} at 90%>")
+                f"{expected:.1%} expected, CIEDE2000 {counted.mean():.1f} on average, "
+                f"{np.percentile(counted, 90):.1f} at 90%>")

@@ -205,7 +205,8 @@ def match(signal: Estimate | ArrayLike,
     Returns
     -------
     SurfaceMatch
-        ``matches``, the best first; ``indistinguishable``, how many may be it; ``none_fits``.
+        The most evident first: ``names``, ``libraries``, arrays ``log_evidence``, ``misfit``,
+        ``p_value`` and ``may_be``; ``indistinguishable``, how many may be it; ``none_fits``.
 
     Raises
     ------
