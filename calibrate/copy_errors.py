@@ -11,7 +11,8 @@ chart, exposure, glare and camera are in W: where they look like a darker patch,
 """
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from scipy.special import logsumexp
@@ -19,6 +20,7 @@ from scipy.special import logsumexp
 from spectrabox.radiometry.charts.references import ChartCopies
 from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records.spectra import WavelengthGrid
+from spectrabox.radiometry.shaped import Record
 
 NODES_NM = 20.0             # of the bands as the chart itself shows them
 ROUGHNESS = 0.02            # of them, against relative errors of signals
@@ -27,10 +29,13 @@ LEVEL_FROM_NM = 430.0       # the level of a patch is what it reflects from here
 BLUE_NM, RED_NM = (430.0, 490.0), (600.0, 700.0)    # whose difference is a patch's tint
 
 
-# what a fit leaves of all signals of its photos: weights (C,) of components of the prior, summing
-# to 1; innovations by each times the inverse (C, Y); and the inverse (Y, Y), of the innovations'
-# covariance
-Explained = tuple[np.ndarray, np.ndarray, np.ndarray]
+@dataclass(frozen=True, eq=False)
+class Explained(Record):
+    """What a fit leaves of all signals of its photos."""
+
+    weights: Annotated[np.ndarray, "C"]             # of components of the prior, summing to 1
+    weighted: Annotated[np.ndarray, "C Y"]          # innovations by each times the inverse
+    inverse: Annotated[np.ndarray, "Y Y"]           # of the innovations' covariance
 
 
 def copy_errors(signal: np.ndarray, clipped: np.ndarray, copies: ChartCopies,
@@ -114,11 +119,10 @@ def terms_of_copy(explained: Explained, errors: np.ndarray) -> tuple[np.ndarray,
     errors : (Y, R) array
         Signals of all photos by the terms of the copy.
     """
-    weights, weighted, inverse = explained
-    by_component = weighted @ errors                            # (C, R)
-    terms = weights @ by_component
-    away = (by_component - terms) * np.sqrt(weights)[:, None]
-    return terms, np.eye(terms.size) - errors.T @ inverse @ errors + away.T @ away
+    weighted = explained.weighted @ errors                      # (C, R)
+    terms = explained.weights @ weighted
+    away = (weighted - terms) * np.sqrt(explained.weights)[:, None]
+    return terms, np.eye(terms.size) - errors.T @ explained.inverse @ errors + away.T @ away
 
 
 def edition_log_odds(explained: Explained, others: np.ndarray) -> np.ndarray:
@@ -131,11 +135,10 @@ def edition_log_odds(explained: Explained, others: np.ndarray) -> np.ndarray:
     others : (E, Y) array
         What the means of other editions would add to the signals.
     """
-    weights, weighted, inverse = explained
-    gains = weighted @ others.T - 0.5 * np.einsum(
-        "ey,yz,ez->e", others, inverse, others)                 # (C, E), nats
+    gains = explained.weighted @ others.T - 0.5 * np.einsum(
+        "ey,yz,ez->e", others, explained.inverse, others)       # (C, E), nats
     with np.errstate(divide="ignore"):      # a component whose weight is 0 says nothing
-        log_weights = np.log(weights)
+        log_weights = np.log(explained.weights)
     return np.asarray(logsumexp(gains + log_weights[:, None], axis=0))
 
 

@@ -249,7 +249,8 @@ def test_an_edition_is_as_likely_as_the_signals_that_it_foretells():
     spread = rng.standard_normal((5, 9))
     covariance, residuals = spread @ spread.T, rng.standard_normal((3, 5))
     weights, others = np.array([0.5, 0.3, 0.2]), rng.standard_normal((2, 5))
-    explained = (weights, np.linalg.solve(covariance, residuals.T).T, np.linalg.inv(covariance))
+    explained = copy_errors.Explained(weights, np.linalg.solve(covariance, residuals.T).T,
+                                      np.linalg.inv(covariance))
     law = multivariate_normal(np.zeros(5), covariance)
     expected = [np.log(weights @ (law.pdf(residuals - other) / law.pdf(residuals)))
                 for other in others]

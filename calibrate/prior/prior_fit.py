@@ -235,7 +235,7 @@ def held_out_signals(
                                              posterior.basis, posterior.best_error, patches)
     readable = sum(np.count_nonzero(photo.readable) for photo in photos)
     return (signals, float(innovation @ weighted / readable), without_each,
-            (np.ones(1), weighted[None], inverse))
+            copy_errors.Explained(np.ones(1), weighted[None], inverse))
 
 
 def _joint_prior(prior: CameraPrior, spread: np.ndarray, family: int, gain_sd: float,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from spectrabox.calibrate import chart_equations, held_out_patches, sensitivity
+from spectrabox.calibrate import chart_equations, copy_errors, held_out_patches, sensitivity
 from spectrabox.calibrate.prior import camera_prior, curve_posterior, prior_fit
 from spectrabox.calibrate.products import product_posterior
 from spectrabox.calibrate.products.lamps import Lamps, ProductPrior, product_prior
@@ -72,7 +72,7 @@ def fit_products(photos: list[chart_equations.ChartEquations], cameras: camera_p
     joint = sensitivity.PriorFit(fit, curves, tuple(states), (held_out, *(state.predicted
                                                              for state in states[1:])),
                      share, (), curves.model_error, float(chi_square), without,
-                     (np.exp(best.log_weights), best.seen, best.inverse))
+                     copy_errors.Explained(np.exp(best.log_weights), best.seen, best.inverse))
     return joint, light
 
 
