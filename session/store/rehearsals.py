@@ -32,8 +32,8 @@ def stored_rehearsal(config: SessionConfig) -> Rehearsed | None:
             return None
         from spectrabox.measure.scene.rehearsal import FIGURES, Rehearsed
         materials = stored.pop("materials")
-        return Rehearsed(**stored, names=tuple(each["name"] for each in materials), **{
-            figure: np.array([each[figure] for each in materials]) for figure in FIGURES})
+        stored |= {figure: np.array([each[figure] for each in materials]) for figure in FIGURES}
+        return Rehearsed(**stored, names=tuple(each["name"] for each in materials))
     except (FileNotFoundError, ValueError, TypeError, AttributeError, KeyError, RecursionError):
         return None
 
