@@ -18,8 +18,8 @@ import numpy as np
 from spectrabox.measure import captured, extras, opened_photos, texts
 from spectrabox.measure.pictures import shown_photo
 from spectrabox.measure.records import CaptureRecords
-from spectrabox.measure.regions.flat_signals import RegionSignal
 from spectrabox.measure.regions.pointing import PointedSample, pointed_sample
+from spectrabox.measure.regions.white import PhotoWhite
 from spectrabox.measure.results.flat_result import FlatResult
 from spectrabox.measure.shoot import captures
 from spectrabox.measure.steps.declared_steps import inputs_of_calibration, inputs_of_charts
@@ -59,7 +59,7 @@ class LiveSample:
         self._sample_key = ""                           # of its calibration and photos
         self._calibrated_as = ""                        # digest of what these rest on
         self._kept: dict[str, dict[str, Any]] = {}      # answers by what they depend on
-        self._drawn: dict[str, tuple[RegionSignal, spectra.SpectrumSummary]] = {}  # likewise
+        self._drawn: dict[str, tuple[list[PhotoWhite], spectra.SpectrumSummary]] = {}  # likewise
         self._tried: set[str] = set()                   # keys that a run was started for
         self._images: tuple[str, dict[str, photos.LinearImage]] = ("", {})
         self._chart: tuple[str, dict[str, Any]] = ("", {})
@@ -198,8 +198,8 @@ class LiveSample:
         return self._kept[depends]
 
     def _drawn_region(self, sample: PointedSample,
-                      name: str) -> tuple[RegionSignal, spectra.SpectrumSummary]:
-        """Signal and spectrum of a region, drawn once for the page and the verdict."""
+                      name: str) -> tuple[list[PhotoWhite], spectra.SpectrumSummary]:
+        """White at a region and its spectrum, drawn once for the page and the verdict."""
         depends = depends_on(sample, name)
         with self._drawing:
             if depends not in self._drawn:
