@@ -196,8 +196,8 @@ class SessionPage:
                 states: list[dict[str, Any]] = []
                 if config is not None:
                     with contextlib.suppress(SpectraboxError):
-                        states = [{"name": one.name, "state": one.state,
-                                   "reasons": list(one.reasons)} for one in stage_states(config)]
+                        states = [{"name": name, "state": state, "reasons": list(reasons)}
+                                  for name, (state, reasons) in stage_states(config).items()]
                 self._states = (now, states)
             return self._states[1]
 
