@@ -14,6 +14,7 @@ from spectrabox.calibrate import chart_findings
 from spectrabox.measure import extras, plots, rules, texts, words
 from spectrabox.measure.extras import attempt, different
 from spectrabox.measure.results import capture_result, flat_result, methods, scene_result
+from spectrabox.measure.surfaces import colour_comparison
 from spectrabox.radiometry.appearance import reflectance_to_srgb
 from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.findings import Finding
@@ -37,7 +38,8 @@ FILTERS = {"percent": words.percent, "signed_percent": words.signed_percent, "nu
            "name": texts.name, "says": texts.says, "shown": texts.shown, "limit": texts.limit,
            "sentence": texts.sentence, "paragraph": texts.paragraph,
            "fixed": words.fixed, "exposure": words.exposure, "fact": words.fact, "lab": words.lab,
-           "agreement_in": rules.agreement_in, "scale_words": methods.scale_words,
+           "apart_nm": colour_comparison.apart_nm, "agreement_in": rules.agreement_in,
+           "scale_words": methods.scale_words,
            "surface_colours": lambda names: maps.surface_colours(len(names)),
            "residual_limit": lambda fit: maps.residual_limit(maps.residual_maps(fit)),
            "in_colour": lambda bands: zip(bands, plots.band_colours(bands), strict=True)}
