@@ -98,12 +98,12 @@ def measured(squares: int, width: int) -> list[dict[str, object]]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         photo = box(folder, squares, width)
-        split = sb.split_texture(folder / "box.xml", WALL, folder / "wall.exr")
+        cut, paints, left_out = sb.split_texture(folder / "box.xml", WALL, folder / "wall.exr")
         for wall, scene, known in (
-                (f"cut into {len(split.materials)} known materials", split.scene, split.materials),
+                (f"cut into {len(paints)} known materials", cut, paints),
                 ("its mean spectrum", folder / "box.xml",
                  {"picture": (GRID.nm, pattern(squares).mean(axis=(0, 1)))})):
-            error = split.error if known is split.materials else pattern(squares).std(axis=(0, 1))
+            error = left_out if known is paints else pattern(squares).std(axis=(0, 1))
             start = time.process_time()
             found = sb.reconstruct_scene(photo, scene=scene, camera=CAMERA, light=light,
                                          materials=dict.fromkeys(TRUTH) | known, width=width,

@@ -67,18 +67,18 @@ def main() -> None:
         print(found)
         return
     for lamp in arguments.lamps:
-        every = [compared(database, camera, lamp).rows
+        every = [compared(database, camera, lamp)
                  for camera in range(0, len(database.names), arguments.every)]
-        for rows in zip(*every, strict=True):
-            figures = np.array([[row.fresh[0].value, row.fresh[0].standard_deviation,
-                                 row.fresh[1].value, row.fresh[1].standard_deviation, row.apart]
-                                for row in rows]).mean(axis=0)
-            held = np.mean([np.abs(row.matrix.value - first.matrix.value)
-                            < 2 * row.matrix.standard_deviation
-                            for row, (first, *_) in zip(rows, every, strict=True)])
-            print(f"{lamp}, {rows[0].source}, {len(rows)} cameras: mean {figures[0]:.2f} ± "
-                  f"{figures[1]:.2f}, 90th percentile {figures[2]:.2f} ± {figures[3]:.2f}, "
-                  f"apart {figures[4]:.2f}, within 2 standard deviations {held:.0%}")
+        for source in every[0].matrices:
+            fresh = np.array([one.fresh[source] for one in every])      # (cameras, 1 + T, 2)
+            value = fresh[:, 0].mean(axis=0)
+            deviation = fresh[:, 1:].std(axis=1, ddof=1).mean(axis=0)
+            apart = np.mean([one.apart[source] for one in every])
+            held = np.mean([np.abs(one.matrices[source][0] - one.matrices[one.judge][0])
+                            < 2 * one.matrices[source][1:].std(axis=0, ddof=1) for one in every])
+            print(f"{lamp}, {source}, {len(every)} cameras: mean {value[0]:.2f} ± "
+                  f"{deviation[0]:.2f}, 90th percentile {value[1]:.2f} ± {deviation[1]:.2f}, "
+                  f"apart {apart:.2f}, within 2 standard deviations {held:.0%}")
 
 
 if __name__ == "__main__":

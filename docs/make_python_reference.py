@@ -24,7 +24,7 @@ GROUPS = {
                                   "SpectrumEstimate", "SpectrumEstimates", "PixelSpectra",
                                   "MeasuredSpectra",
                                   "FlatSpectra",
-                                  "SceneSpectra", "ShapeSpectra", "SplitTexture",
+                                  "SceneSpectra", "ShapeSpectra",
                                   "ColourComparison", "ChartCheck",
                                   "ColourProfile", "MatrixComparison", "MeterReading"],
     "Errors": ["SpectraboxError", "InputError", "CheckError", "ChartNotFoundError",
@@ -33,7 +33,7 @@ SECTIONS = ("Parameters", "Attributes", "Returns", "Raises", "References", "Exam
 # examples that tests/test_docs.py does not run
 NOT_RUN = {"measure_spectrum": "needs-meter", "MeterReading": "needs-meter",
            "fit_shape": "needs-photos", "ShapeSpectra": "needs-photos",
-           "split_texture": "needs-photos", "SplitTexture": "needs-photos"}
+           "split_texture": "needs-photos"}
 HEAD = """\
 # Python reference
 

@@ -12,11 +12,11 @@ import numpy as np
 
 from spectrabox.calibrate.chart_findings import edition_told, evidence_since
 from spectrabox.measure import captured, tables, texts, words
-from spectrabox.measure.records import ChartFit
 from spectrabox.measure.results.facts import Fact, columns, known_facts
 from spectrabox.radiometry import appearance, error_model, gloss
 from spectrabox.radiometry.chart import COPIES_SINCE_2014, Chart
 from spectrabox.radiometry.findings import Finding, Severity
+from spectrabox.radiometry.records.photos import PatchSamples
 
 if TYPE_CHECKING:
     from spectrabox.measure.results import capture_result, flat_result, scene_result
@@ -244,7 +244,9 @@ def _fluorescence(result: capture_result.CaptureResult) -> Finding:
 
 
 def _linearity(result: capture_result.CaptureResult) -> Finding:
-    greys = None if result.chart is None else exponent_of_greys(result.chart, result.layout)
+    fit, chart = result.chart, result.measured_chart
+    greys = None if fit is None or chart is None else exponent_of_greys(
+        chart.samples, fit.predicted, result.layout)
     bracket = any(len(files) > 1 for view in result.stated.views for files in view.photo.values())
     ways = [way for held, way in ((greys is not None, "greys"), (bracket, "exposures"),
                                   (result.stated.dark_frames, "dark-frames")) if held]
@@ -423,7 +425,8 @@ def _common_error(result: scene_result.SceneResult, causes: Sequence[str]) -> fl
     return max(errors) or None
 
 
-def exponent_of_greys(chart: ChartFit, layout: Chart) -> tuple[float, float] | None:
+def exponent_of_greys(samples: PatchSamples, predicted: np.ndarray,
+                      layout: Chart) -> tuple[float, float] | None:
     """The power of the light that the signals of a chart's grey patches follow, and its standard
     error; None with too few of them.
 
@@ -432,14 +435,16 @@ def exponent_of_greys(chart: ChartFit, layout: Chart) -> tuple[float, float] | N
 
     Parameters
     ----------
-    chart : ChartFit
+    samples : PatchSamples
+    predicted : (I, K) array
+        Their signals by the calibration.
     layout : Chart
-        Of it.
+        Of them.
     """
-    greys = [patch for patch in layout.neutrals if not chart.samples.clipped[patch].any()]
+    greys = [patch for patch in layout.neutrals if not samples.clipped[patch].any()]
     if len(greys) < FEWEST_GREYS:
         return None
-    measured, predicted = chart.samples.mean[greys], chart.predicted[greys]
+    measured, predicted = samples.mean[greys], predicted[greys]
     if not (np.isfinite(measured) & (measured > 0) & (predicted > 0)).all():
         return None
     x, y = np.log(predicted), np.log(measured)

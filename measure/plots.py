@@ -128,15 +128,16 @@ def plot_matrices(entries: Axes, errors: Axes, compared: MatrixComparison) -> No
     entries, errors : Axes
     compared : MatrixComparison
     """
-    colours = (TRUTH, MEAN, RENDERED)[-len(compared.rows):]
-    for number, (row, colour) in enumerate(zip(compared.rows, colours, strict=True)):
-        aside = 0.22 * (number - (len(compared.rows) - 1) / 2)
-        known = row.matrix.standard_deviation
-        entries.errorbar(np.arange(9) + aside, np.ravel(row.matrix.value),
+    rows = compared.facts()
+    for number, (row, colour) in enumerate(zip(rows, (TRUTH, MEAN, RENDERED)[-len(rows):],
+                                               strict=True)):
+        aside = 0.22 * (number - (len(rows) - 1) / 2)
+        known = row["matrix"].standard_deviation
+        entries.errorbar(np.arange(9) + aside, np.ravel(row["matrix"].value),
                          None if known is None else np.ravel(known), fmt="o", ms=4, lw=1.2,
-                         color=colour, label=row.source)
-        for face, figures in ((colour, [row.chart[0], row.fresh[0]]),
-                              ("none", [row.chart[1], row.fresh[1]])):
+                         color=colour, label=row["source"])
+        for face, figures in zip((colour, "none"), zip(row["chart"].values(), row["fresh"].values(),
+                                                       strict=True), strict=True):
             errors.errorbar(np.arange(2) + aside, [float(one.value) for one in figures],
                             [float(one.standard_deviation or 0) for one in figures], fmt="o", ms=6,
                             mfc=face, lw=1.2, color=colour)

@@ -61,10 +61,8 @@ class PhotoRecords(shaped.Record):
 
 @dataclass(frozen=True, eq=False)
 class ChartFit(shaped.Record):
-    """The first chart photo as it was used, and how the calibration explains it."""
+    """How the calibration explains the first chart photo."""
 
-    detection: photo_records.ChartDetection
-    samples: photo_records.PatchSamples
     predicted: Annotated[np.ndarray, "I K"]     # signals
     # relative, brightest 1; NaN on patches of which it is not known
     irradiance: Annotated[np.ndarray, "I"]

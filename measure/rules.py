@@ -292,11 +292,11 @@ def held_out_patches(found: CaptureResult) -> list[Finding]:
 
 def chart_agreement(found: CaptureResult) -> list[Finding]:
     """How well each calibration reproduces the first chart that it was fitted to."""
-    residuals, chart = chart_residuals(found), found.chart
-    if residuals is not None and chart is not None:
+    residuals, chart, measured = chart_residuals(found), found.chart, found.measured_chart
+    if residuals is not None and chart is not None and measured is not None:
         counted = np.ones(len(residuals), bool) if chart.left_out is None \
             else chart.left_out.counted
-        residuals = residuals[~chart.samples.clipped & counted[:, None]]
+        residuals = residuals[~measured.samples.clipped & counted[:, None]]
     if chart_findings.root_mean_square(residuals) is None:
         passes, fails = chart_findings.CHART_LIMITS
         return [Finding("calibration.no-chart", Severity.INFO,
@@ -312,8 +312,8 @@ def chart_agreement(found: CaptureResult) -> list[Finding]:
 def chart_residuals(found: CaptureResult) -> np.ndarray | None:
     """(photo - predicted) / photo of the patches (I, K), or None where no chart was used."""
     residuals = found.calibration.sensitivity.residuals
-    if residuals is None and found.chart is not None:
-        measured = found.chart.samples.mean
+    if residuals is None and found.chart is not None and found.measured_chart is not None:
+        measured = found.measured_chart.samples.mean
         return (measured - found.chart.predicted) / measured
     return residuals
 

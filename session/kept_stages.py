@@ -15,15 +15,8 @@ from spectrabox.session.store import record_files
 from spectrabox.session.store.keys import GPU, InputFiles, input_files, step_keys
 from spectrabox.session.terminal.progress_display import StageProgress
 
-
-@dataclass(frozen=True)
-class StageState:
-    """Where one stage stands: "done", "stale" (with reasons), "missing" or "not needed"."""
-
-    name: str
-    state: str
-    reasons: tuple[str, ...]
-    seconds: float | None
+# where each stage stands: "done", "stale", "missing" or "not needed", and why it is stale
+StageStates = dict[str, tuple[str, tuple[str, ...]]]
 
 
 @dataclass(frozen=True)
@@ -64,7 +57,7 @@ class FinishedRun:
 
 
 def stage_states(config: SessionConfig, capture: Capture | None = None,
-                 device: str | None = None) -> list[StageState]:
+                 device: str | None = None) -> StageStates:
     """How far a session has come, and why any stage must be run again.
 
     Parameters
@@ -77,20 +70,20 @@ def stage_states(config: SessionConfig, capture: Capture | None = None,
 
     Returns
     -------
-    list of StageState
+    dict
         Of all stages, in order.
     """
     keys = step_keys(capture or config.capture(), InputFiles(config),
                      device or _device_kept(config))
-    states = [] if "chart" in keys else [StageState("chart", "not needed", (), None)]
+    states: StageStates = {} if "chart" in keys else {"chart": ("not needed", ())}
     for name, key in keys.items():
         stored = record_files.load_stage(config.results_folder, name)
         if stored is None:
-            states.append(StageState(name, "missing", (), None))
+            states[name] = ("missing", ())
         else:
             reasons = tuple(record_files.why_stale(stored.key, key)) if stored.fault is None \
                 else (f"its stored results {stored.fault}",)
-            states.append(StageState(name, "stale" if reasons else "done", reasons, stored.seconds))
+            states[name] = ("stale" if reasons else "done", reasons)
     return states
 
 
@@ -101,19 +94,15 @@ def _device_kept(config: SessionConfig) -> str:
                  and stage.key.get("versions", {}).get("device") == GPU), "auto")
 
 
-def states_without_inputs(config: SessionConfig) -> list[StageState]:
+def states_without_inputs(config: SessionConfig) -> StageStates:
     """How far a session has come of which an input is missing: what is stored is of other inputs.
 
     Parameters
     ----------
     config : SessionConfig
     """
-    states = []
-    for name in stage_names(config):
-        stored = record_files.load_stage(config.results_folder, name)
-        states.append(StageState(name, "missing", (), None) if stored is None else
-                      StageState(name, "stale", ("an input is missing",), stored.seconds))
-    return states
+    return {name: ("missing", ()) if record_files.load_stage(config.results_folder, name) is None
+            else ("stale", ("an input is missing",)) for name in stage_names(config)}
 
 
 def warn_of_stale_stages(config: SessionConfig, capture: Capture,
@@ -129,15 +118,17 @@ def warn_of_stale_stages(config: SessionConfig, capture: Capture,
         Warns whoever is shown these results all the same.
     """
     try:
-        stale = [state for state in stage_states(config, capture) if state.state == "stale"]
+        stale = {name: reasons for name, (state, reasons) in stage_states(config, capture).items()
+                 if state == "stale"}
     except SpectraboxError as error:
         tell(f"warning: whether results are up to date is not known: {error}")
         return []
     if stale:
-        tell(f"warning: stored results are of an earlier run ({stale[0].name}: "
-             f"{', '.join(stale[0].reasons)}): 'spectrabox run {config.folder.name}' brings them "
+        first, reasons = next(iter(stale.items()))
+        tell(f"warning: stored results are of an earlier run ({first}: "
+             f"{', '.join(reasons)}): 'spectrabox run {config.folder.name}' brings them "
              "up to date")
-    return [state.name for state in stale]
+    return list(stale)
 
 
 def kept_run(config: SessionConfig, device: str, progress: StageProgress) -> FinishedRun | None:

@@ -190,9 +190,8 @@ def _run_up_to_tracing(config: SessionConfig, device: str, shared: Path | None
     they begin; what the inversion will take, where something is left to invert, and findings.
     """
     long = next(name for name in kept_stages.stage_names(config) if name in LONG_STAGES)
-    if load_stage(config.results_folder, long) is not None and any(
-            state.name == long and state.state == "done"
-            for state in kept_stages.stage_states(config, device=device)):
+    if load_stage(config.results_folder, long) is not None \
+            and kept_stages.stage_states(config, device=device)[long][0] == "done":
         return None
     finished = pipeline.run_stages(config, device=device, only=None, force=False,
                           progress=lambda stage, done, what: None, before=long, shared=shared)

@@ -65,10 +65,8 @@ def rehearse(config: SessionConfig, times: int, seed: int, device: str,
 def _replayable(config: SessionConfig) -> tuple[SceneCapture, CaptureRecords]:
     """A finished session that a rehearsal can follow."""
     capture = require_scene(config.capture(), NO_SCENE)
-    waiting = [
-        state.name for state in kept_stages.stage_states(config)
-        if state.state in ("stale", "missing")
-    ]
+    waiting = [name for name, (state, _) in kept_stages.stage_states(config).items()
+               if state in ("stale", "missing")]
     if waiting:
         raise InputError(f"stage {waiting[0]!r} is not up to date: run 'spectrabox run' first")
     if config.sampling.method != "prior" or config.sampling.through != "surface":

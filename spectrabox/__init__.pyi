@@ -27,7 +27,6 @@ from .api.shape import ShapeSpectra as ShapeSpectra
 from .api.shape import fit_shape as fit_shape
 from .api.signals import match as match
 from .api.signals import sample as sample
-from .api.texture import SplitTexture as SplitTexture
 from .api.texture import split_texture as split_texture
 from .measure.profiles.camera_profile import MatrixComparison as MatrixComparison
 from .measure.profiles.colour_profile import ColourProfile as ColourProfile

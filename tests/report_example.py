@@ -11,7 +11,7 @@ from matplotlib import image as raster
 from small_captures import scene_capture, scene_view
 
 from spectrabox.measure.captured import InputFile, SceneCapture
-from spectrabox.measure.records import ChartFit
+from spectrabox.measure.records import ChartFit, MeasuredChart
 from spectrabox.measure.results.scene_result import SceneResult
 from spectrabox.measure.results.surface_result import SurfaceResult
 from spectrabox.radiometry.error_model import (
@@ -66,8 +66,9 @@ def example_session(folder: Path, bands: tuple[str, ...] = ("R", "G", "B"), char
     raster.imsave(folder / "overlay.png", rng.uniform(size=(40, 60, 3)))
     preview = np.clip(made.measured[..., :3] * 1.6, 0, 1)
     raster.imsave(folder / "preview.png", preview.repeat(4, 0).repeat(4, 1))
+    fitted, measured = _chart(rng, len(bands), _photo(made)) if chart else (None, None)
     found = SceneResult(
-        bands=bands, chart=_chart(rng, len(bands)) if chart else None,
+        bands=bands, chart=fitted, measured_chart=measured,
         calibration=Calibration(fit, light, made.light_scale, np.eye(len(bands)) * 1e-4, (
             Finding("calibration.condition-number", Severity.INFO, values={"value": 12.5}),)),
         photo_of_view={"": _photo(made)}, grid=GRID, reconstruction=made,
@@ -153,15 +154,17 @@ def _photo(made: Reconstruction) -> LinearImage:
                        "Maker Model 1234", "photos/scene.dng", "9f" * 32)
 
 
-def _chart(rng: np.random.Generator, bands: int) -> ChartFit:
+def _chart(rng: np.random.Generator, bands: int,
+           photo: LinearImage) -> tuple[ChartFit, MeasuredChart]:
     measured = rng.uniform(0.03, 0.6, (24, bands))
     measured[18:] = np.array([0.62, 0.41, 0.25, 0.14, 0.06, 0.022])[:, None]
     corners = np.zeros((24, 4, 2)) + np.array([[0, 0], [9, 0], [9, 9], [0, 9]])
     samples = PatchSamples(measured, np.array([np.eye(bands) * 1e-7] * 24), np.full(24, 400),
                            np.zeros((24, bands)), np.full((24, bands), 0.01))
     fall_off = np.linspace(1, 0.88, 6) * np.linspace(1, 0.96, 4)[:, None]
-    return ChartFit(ChartDetection(corners, 0.97, False, GIVEN_CORNERS), samples,
-                    measured * rng.normal(1, 0.01, measured.shape), fall_off.ravel())
+    chart = MeasuredChart(ChartDetection(corners, 0.97, False, GIVEN_CORNERS), samples, photo,
+                          np.ones(24))
+    return ChartFit(measured * rng.normal(1, 0.01, measured.shape), fall_off.ravel()), chart
 
 
 def _surface(rng: np.random.Generator, made: Reconstruction, m: int, bands: tuple[str, ...],

@@ -23,7 +23,6 @@ from spectrabox.calibrate.colour_profile import (
 )
 from spectrabox.capture.photo.image_writers import write_tiff16
 from spectrabox.measure.profiles import archive_quantities
-from spectrabox.measure.profiles.archive_quantities import ChartColours, chart_colours
 from spectrabox.measure.profiles.colour_profile import (
     FRESH,
     MATRIX,
@@ -34,6 +33,7 @@ from spectrabox.measure.profiles.colour_profile import (
 )
 from spectrabox.radiometry import profile_files
 from spectrabox.radiometry.appearance import BRADFORD, ciede2000, lab_from_xyz
+from spectrabox.radiometry.chart import CLASSIC
 from spectrabox.radiometry.grid import visible_grid
 from spectrabox.radiometry.profile_files import aces_from_d50, write_profile
 from spectrabox.radiometry.records.photos import PatchSamples
@@ -319,10 +319,23 @@ def test_the_page_for_the_archive_states_limits_and_claims_no_more(painting):
 @pytest.mark.parametrize("value, grade", [(1.9, "4 stars"), (2.0, "4 stars"), (2.1, "3 stars"),
                                           (6.5, "1 star"), (6.6, "beyond 1 star")])
 def test_a_grade_is_the_strictest_whose_limit_is_kept(value, grade):
-    colours = ChartColours(("a",), np.array([[50.0, 0, 0]]), np.array([[50.0, 0, 0]]),
-                           np.zeros(1), (), None)
-    mean, *_ = archive_quantities.archive_quantities(colours, np.array([[[1.0]], [[0.0]]]))
+    lab = np.full((24, 3), [50.0, 0, 0])
+    mean, *_ = archive_quantities.archive_quantities(CLASSIC, lab, lab, np.zeros(24),
+                                                     np.array([[[1.0]], [[0.0]]]))
     assert archive_quantities.grade(value, mean["limits"]["FADGI 2023"]) == grade
+
+
+def test_clipped_patches_are_no_part_of_what_the_chart_tells():
+    reference = np.column_stack([np.linspace(30, 90, 24), np.zeros((24, 2))])
+    lab = reference + np.array([1.0, 0, 0])
+    lab[[0, CLASSIC.neutrals[0]]] = np.nan
+    quantities = archive_quantities.archive_quantities(CLASSIC, lab, reference, np.ones(24),
+                                                       np.array([[[1.0]], [[0.0]]]))
+    by_name = {one["name"]: one for one in quantities}
+    assert by_name["Colour accuracy, mean"]["measured_on"].startswith("all 22 patches")
+    assert np.isfinite([one["value"] for one in quantities]).all()
+    assert by_name["Tone response"]["value"] == pytest.approx(1)
+    assert f"{len(CLASSIC.neutrals) - 1} neutral" in by_name["Noise"]["measured_on"]
 
 
 def test_noise_in_lightness_is_that_of_the_pixels():
@@ -332,10 +345,9 @@ def test_noise_in_lightness_is_that_of_the_pixels():
     cells = signal + sigma * rng.standard_normal((40_000, 3))
     samples = PatchSamples(signal[None], np.eye(3)[None] * sigma**2 / pixels, np.array([pixels]),
                            np.zeros((1, 3)), np.zeros((1, 3)))
-    chart = chart_colours(samples, np.ones((1, 3)), np.zeros(3), np.full((1, 301), 0.3), transform,
-                          ("grey",), (0,), None)
+    noise = archive_quantities.lightness_noise(samples, signal[None], np.ones((1, 3)), transform)
     # to first order; the standard deviation of 40,000 values is known to 0.4 %
-    np.testing.assert_allclose(chart.noise, transform.lab(cells)[:, 0].std(), rtol=0.03)
+    np.testing.assert_allclose(noise, transform.lab(cells)[:, 0].std(), rtol=0.03)
 
 
 def test_a_scene_is_sent_to_camera_profile(_finished):

@@ -49,7 +49,7 @@ ONE_PHOTO, NO_ERRORS = (photo(),), (SimpleNamespace(common_errors={}),)
 
 def flat(photos=ONE_PHOTO, surfaces=(), chart=None, processed=False, **of_stated):
     return SimpleNamespace(stated=stated(**of_stated), photos=photos, surfaces=surfaces,
-                           chart=chart, layout=None, processed=processed)
+                           chart=chart, measured_chart=None, layout=None, processed=processed)
 
 
 def scale(**errors):
@@ -60,7 +60,8 @@ def scene(level_error=None, placements=(), known_light=None, views=(), surfaces=
           scales=NO_ERRORS, **of_stated):
     return SimpleNamespace(
         light_scale=scales[0],
-        stated=stated(**of_stated), surfaces=surfaces, chart=None, layout=None, processed=False,
+        stated=stated(**of_stated), surfaces=surfaces, chart=None, measured_chart=None,
+        layout=None, processed=False,
         level_error=level_error, placements=placements,
         reconstruction=SimpleNamespace(known_light=known_light),
         views={str(number): (None, SimpleNamespace(

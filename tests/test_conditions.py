@@ -168,12 +168,14 @@ def test_weak_surfaces_are_counted_and_change_no_verdict(tmp_path):
 
 @pytest.mark.parametrize("exponent", [1.0, 0.95, 1.1])
 def test_greys_of_a_chart_measure_the_exponent_of_the_light(tmp_path, exponent):
-    chart = example_session(tmp_path).found.chart
+    result = example_session(tmp_path).found
+    predicted = result.chart.predicted
     rng = np.random.default_rng(3)
     noise = rng.normal(0, 0.01, (24, 1))        # a patch errs in all bands alike
-    samples = dataclasses.replace(chart.samples, mean=chart.predicted ** exponent
-                                  * np.array([0.5, 1.0, 2.0]) * np.exp(noise))
-    found, error = exponent_of_greys(dataclasses.replace(chart, samples=samples), CLASSIC)
+    samples = dataclasses.replace(
+        result.measured_chart.samples,
+        mean=predicted ** exponent * np.array([0.5, 1.0, 2.0]) * np.exp(noise))
+    found, error = exponent_of_greys(samples, predicted, CLASSIC)
     # 6 greys over a factor 28: 0.01 / sqrt(sum of squares of the logarithm, 7.4) is 0.0037
     assert 0.001 < error < 0.01
     assert abs(found - exponent) < 5 * 0.0037

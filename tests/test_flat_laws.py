@@ -256,7 +256,7 @@ def test_a_band_that_is_saturated_in_one_of_several_photos_says_nothing(seen):
 def test_a_reduced_map_is_the_mean_of_what_was_seen_of_each_block(monkeypatch):
     monkeypatch.setattr(picture_maps, "REDUCED_PX", 4)
     rng, of_map = np.random.default_rng(65), SimpleNamespace(file="map.png", channels=2,
-                                                                flags=False)
+                                                                values=np.mean)
     values, seen = rng.uniform(size=(9, 12, 2)), rng.uniform(size=(9, 12)) < 0.8
     seen[:3, :3] = np.eye(3, dtype=bool)            # a third of a block: not enough
     reduced = picture_maps.Reduced(9, 12, [of_map])

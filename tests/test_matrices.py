@@ -49,34 +49,35 @@ def fitted():
 def test_three_matrices_of_one_camera_agree_within_what_each_is_sure_of(fitted):
     photo, calibration = fitted
     compared = compare_matrices(calibration, photo, NIKON)
-    first, second, third = compared.rows
-    assert [row.source for row in compared.rows] == [MEASURED, FITTED, PHOTOGRAPHED]
-    assert first.apart == 0 and second.apart < 0.5 and third.apart < 0.5
+    first, second, third = compared.facts()
+    assert list(compared.matrices) == [MEASURED, FITTED, PHOTOGRAPHED]
+    assert first["apart"] == 0 and second["apart"] < 0.5 and third["apart"] < 0.5
     for row in (second, third):
         # nine entries, of which the row sums are fixed: six within three standard deviations
-        both = np.hypot(row.matrix.standard_deviation, first.matrix.standard_deviation)
-        assert np.all(np.abs(row.matrix.value - first.matrix.value) < 3 * both)
-    for row in compared.rows:
-        np.testing.assert_allclose(row.aces.value, aces_from_d50() @ row.matrix.value, atol=1e-12)
+        both = np.hypot(row["matrix"].standard_deviation, first["matrix"].standard_deviation)
+        assert np.all(np.abs(row["matrix"].value - first["matrix"].value) < 3 * both)
+    for row in (first, second, third):
+        np.testing.assert_allclose(row["aces"].value, aces_from_d50() @ row["matrix"].value,
+                                   atol=1e-12)
         # white stays white
-        np.testing.assert_allclose(row.aces.value.sum(axis=1), 1, atol=1e-9)
-        assert row.fresh[1].value > row.fresh[0].value > 0
+        np.testing.assert_allclose(row["aces"].value.sum(axis=1), 1, atol=1e-9)
+        assert row["fresh"]["percentile_90"].value > row["fresh"]["mean"].value > 0
 
 
 def test_the_matrix_by_measured_curves_is_that_of_a_colour_profile(fitted):
     photo, calibration = fitted
-    row = compare_matrices(calibration, photo, NIKON).rows[0]
+    matrix, *_ = compare_matrices(calibration, photo, NIKON).matrices[MEASURED]
     response = relative_response("Nikon D810", "D55", PRIOR_GRID)
     patches = SURFACES[:, np.searchsorted(FINE_GRID.nm, PRIOR_GRID.nm)]
     # curves are read every 5 nm there, and every nm here
-    np.testing.assert_allclose(row.matrix.value, fit_transform(
+    np.testing.assert_allclose(matrix, fit_transform(
         response, patches, PRIOR_GRID, 1).coefficients, atol=2e-3)
 
 
 def test_without_measured_curves_the_fitted_ones_judge(fitted):
     photo, calibration = fitted
     compared = compare_matrices(calibration, photo)
-    assert [row.source for row in compared.rows] == [FITTED, PHOTOGRAPHED]
+    assert list(compared.matrices) == [FITTED, PHOTOGRAPHED]
     assert compared.judge == FITTED and "as the fitted curves see them" in str(compared)
 
 
@@ -111,10 +112,10 @@ def test_the_plot_shows_every_entry_and_every_error(fitted):
     plot_matrices(entries, errors, compared)
     drawn = [line for line in entries.get_lines() if len(line.get_xdata()) == 9]
     np.testing.assert_allclose(np.array([line.get_ydata() for line in drawn], float),
-                               [np.ravel(row.matrix.value) for row in compared.rows])
+                               [np.ravel(each[0]) for each in compared.matrices.values()])
     shown = [line.get_ydata() for line in errors.get_lines() if len(line.get_xdata()) == 2]
-    expected = [[one.value for one in figures] for row in compared.rows
-                for figures in zip(row.chart, row.fresh, strict=True)]
+    expected = [[compared.chart[source][0, figure], compared.fresh[source][0, figure]]
+                for source in compared.matrices for figure in range(2)]
     np.testing.assert_allclose(np.array(shown, float), expected)
     plt.close(entries.figure)
 

@@ -27,7 +27,7 @@ STAGES = ("chart", "photo", "calibrate", "reconstruct", "sample")
 
 
 def states(folder):
-    return {state.name: state.state for state in stage_states(read_session(folder))}
+    return {name: state for name, (state, _) in stage_states(read_session(folder)).items()}
 
 
 def arrays_of(folder):
@@ -80,17 +80,17 @@ def test_the_family_that_was_stated_is_what_the_fit_expects(captured):
 def test_a_changed_photo_says_why_its_stages_are_stale(finished):
     with (finished / "photos" / "chart.dng").open("ab") as stream:
         stream.write(b"\0")
-    found = {state.name: state for state in stage_states(read_session(finished))}
-    assert found["chart"].reasons == ("files: photos/chart.dng changed",)
-    assert found["photo"].state == "done"
-    assert found["reconstruct"].reasons == ("stages: calibrate changed",)
+    found = stage_states(read_session(finished))
+    assert found["chart"] == ("stale", ("files: photos/chart.dng changed",))
+    assert found["photo"] == ("done", ())
+    assert found["reconstruct"] == ("stale", ("stages: calibrate changed",))
 
 
 def test_results_of_a_cpu_are_not_up_to_date_for_a_gpu(finished):
-    found = {state.name: state for state in stage_states(read_session(finished), device="cuda")}
-    assert found["photo"].state == "done"               # which renders nothing
-    assert "versions: device is new" in found["reconstruct"].reasons
-    assert {state.state for state in stage_states(read_session(finished), device="cpu")} == {"done"}
+    found = stage_states(read_session(finished), device="cuda")
+    assert found["photo"] == ("done", ())               # which renders nothing
+    assert "versions: device is new" in found["reconstruct"][1]
+    assert set(stage_states(read_session(finished), device="cpu").values()) == {("done", ())}
 
 
 def test_one_stage_can_be_run_alone(finished):

@@ -84,10 +84,10 @@ def test_a_shadow_across_a_region_is_said_by_the_surface_and_the_verdict(tmp_pat
 def test_the_page_says_an_edge_in_place_of_unevenness():
     rng = np.random.default_rng(5)
     edge = edge_of(*region(rng, "grain", 3 * [0.8]))
-    shown = {"scatter": 0.3, "light": (1.0, 0.03), "signals": SimpleNamespace(names=("wall",))}
-    for found, expected in ((edge, rules.edge_in("wall", edge)),
-                            (None, uneven_region("wall", 0.3))):
-        told = described(SimpleNamespace(edge=found, **shown), np.zeros(3), np.ones(3),
-                         np.zeros((2, 3)), {}, {})
+    for edges, expected in (({"wall": edge}, rules.edge_in("wall", edge)),
+                            ({}, uneven_region("wall", 0.3))):
+        samples = SimpleNamespace(names=("wall",), scatter=np.array([[0.1, 0.3]]), edges=edges)
+        white = SimpleNamespace(samples=samples, log_field=np.zeros(1), field_error=np.ones(1))
+        told = described([white], np.zeros(3), np.ones(3), np.zeros((2, 3)), {}, {})
         note, = told["notes"]
         assert note == texts.says(expected)

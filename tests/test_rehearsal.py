@@ -82,11 +82,11 @@ def honest(_finished):
 
 
 def test_bands_of_the_demo_hold_truths_that_its_own_errors_explain(honest):
-    coverage = np.mean([each.coverage for each in honest.materials])
+    coverage = honest.coverage.mean()
     # 80 truths; coverage of one truth scatters by about 0.1, so the mean by about 0.012
     assert 0.91 < coverage <= 1
     assert honest.times == TIMES and not honest.too_narrow
-    assert all(sum(each.ranks) == TIMES * 11 for each in honest.materials)
+    assert np.all(honest.ranks.sum(axis=1) == TIMES * 11)
 
 
 def test_a_rehearsal_hears_an_error_that_the_session_does_not_state(finished, honest, monkeypatch):
@@ -97,7 +97,7 @@ def test_a_rehearsal_hears_an_error_that_the_session_does_not_state(finished, ho
     monkeypatch.setattr(rehearsal, "_response", under_another_light)    # of truths alone
     monkeypatch.setattr(rehearsal, "MIN_TIMES", FEW)
     mistaken = rehearse(read_session(finished), FEW, 4, "cpu", silent)
-    held = [np.mean([each.coverage for each in some.materials]) for some in (honest, mistaken)]
+    held = [some.coverage.mean() for some in (honest, mistaken)]
     # bands of about 0.15 in reflectance hold few bright truths that are off by a quarter
     assert held[1] < held[0] - 0.1
     assert mistaken.too_narrow
@@ -113,8 +113,7 @@ def test_the_command_answers_and_the_report_hears_it(finished, monkeypatch):
     config = read_session(finished)
     kept = stored_rehearsal(config)
     assert kept is not None
-    assert [dataclasses.asdict(each) | {"ranks": [*each.ranks]}
-            for each in kept.materials] == answers["materials"]
+    assert kept.facts["materials"] == answers["materials"]
     report = CliRunner().invoke(app, ["report", str(finished)])
     assert report.exit_code == 0
     assert "Known truth inside the band, rehearsed" in (finished / "report.html").read_text()
@@ -122,7 +121,7 @@ def test_the_command_answers_and_the_report_hears_it(finished, monkeypatch):
 
 def test_a_rehearsal_of_other_results_is_not_shown(finished):
     config = read_session(finished)
-    save_rehearsal(config, Rehearsed(0.95, 1, 20, ()))
+    save_rehearsal(config, Rehearsed(0.95, 1, 20, (), *np.zeros((4, 0)), np.zeros((0, 10))))
     assert stored_rehearsal(config) is not None
     edit(finished, "draws = ", "draws = 1")     # a digit before the number
     assert run(finished).states["sample"] == "run"
@@ -133,7 +132,7 @@ def test_the_same_seed_gives_the_same_rehearsal(finished, monkeypatch):
     config = read_session(finished)
     monkeypatch.setattr(rehearsal, "MIN_TIMES", 2)
     first, second = (rehearse(config, 2, 8, "cpu", silent) for _ in range(2))
-    assert first == second
+    assert first.facts == second.facts
 
 
 def test_too_few_rehearsals_are_refused(finished):

@@ -29,6 +29,12 @@ SOILED = 7
 WHITE_PATCH = (240, 240, 232)   # of the reference below under D65, as sRGB
 
 
+def with_means(results, mean):
+    """The chart with other signals of its patches."""
+    chart = results.found.measured_chart
+    return dataclasses.replace(chart, samples=dataclasses.replace(chart.samples, mean=mean))
+
+
 @pytest.fixture(scope="module")
 def session(tmp_path_factory):
     """A session with the chart photo of an ideal camera: one patch is soiled, the rest is right
@@ -44,7 +50,6 @@ def session(tmp_path_factory):
                               np.zeros(24, dtype=bool), np.full(24, 0.95), 0.95)
     chart = dataclasses.replace(
         results.found.chart, predicted=predicted, left_out=left_out,
-        samples=dataclasses.replace(results.found.chart.samples, mean=measured),
         prior_share=np.linspace(0, 1, 3 * grid.nm.size).reshape(3, -1),
         families=(("Maker <A>", 0.9), ("Maker B", 0.1)))
     fit = dataclasses.replace(results.found.calibration.sensitivity,
@@ -54,7 +59,8 @@ def session(tmp_path_factory):
     material = dataclasses.replace(
         material, prior=dataclasses.replace(load_prior(), certificates={}),
         summary=dataclasses.replace(material.summary, family_shares={"paint": 0.7, "earth": 0.3}))
-    return with_found(results, chart=chart, surfaces=(material, *results.found.surfaces[1:]),
+    return with_found(results, chart=chart, measured_chart=with_means(results, measured),
+                      surfaces=(material, *results.found.surfaces[1:]),
                       calibration=dataclasses.replace(results.found.calibration, sensitivity=fit))
 
 
@@ -67,9 +73,10 @@ def written(session):
 def test_the_difference_is_that_of_the_chart_and_the_worst_patch_comes_first(session):
     section = swatch_pairs(session.found)
     grid, chart = session.found.reconstruction.grid, session.found.chart
+    measured = session.found.measured_chart.samples.mean
     # predicted from the others: 1 % brighter, which a map of signals to colours takes off again
-    wanted = chart_colour_differences(chart.samples.mean, 1.01 * chart.predicted,
-                                      chart.left_out.reference, grid)
+    wanted = chart_colour_differences(measured, 1.01 * chart.predicted, chart.left_out.reference,
+                                      grid)
     np.testing.assert_allclose(section.delta_e00, wanted, rtol=1e-9)
     assert section.order[0] == SOILED and wanted[SOILED] > 3 * np.delete(wanted, SOILED).max()
     ordered = wanted[section.order]
@@ -95,7 +102,7 @@ def test_another_chart_is_seen_at_a_glance(session):
     turned = dataclasses.replace(session.found.chart.left_out,
                                  reference=session.found.chart.left_out.reference[::-1])
     predicted = session.found.chart.predicted[::-1]
-    measured = session.found.chart.samples.mean
+    measured = session.found.measured_chart.samples.mean
     fit = dataclasses.replace(session.found.calibration.sensitivity,
                               residuals=1 - predicted / measured,
                               held_out_residuals=None)
@@ -149,10 +156,9 @@ def test_the_spectra_of_all_patches_stand_beside_their_reference(session, tmp_pa
 
 
 def test_a_patch_without_signal_comes_first_and_striped(session):
-    mean = session.found.chart.samples.mean.copy()
+    mean = session.found.measured_chart.samples.mean.copy()
     mean[3, 1] = np.nan
-    samples = dataclasses.replace(session.found.chart.samples, mean=mean)
-    results = with_found(session, chart=dataclasses.replace(session.found.chart, samples=samples))
+    results = with_found(session, measured_chart=with_means(session, mean))
     section = swatch_pairs(results.found)
     assert section.large[0] == 3 and "gradient" in section.measured[3]
 

@@ -2,10 +2,11 @@
 import json
 import shutil
 
+import numpy as np
 import pytest
 
 from spectrabox.measure.advice.advice import Advised
-from spectrabox.measure.scene.rehearsal import Rehearsed, RehearsedMaterial
+from spectrabox.measure.scene.rehearsal import Rehearsed
 from spectrabox.radiometry.files import sha256_of
 from spectrabox.session.config.session_file import read_session
 from spectrabox.session.outputs.run_outputs import rewritten_outputs
@@ -98,8 +99,9 @@ def test_a_truth_that_changed_after_it_was_read_makes_the_report_again(reported)
 
 def test_a_rehearsal_since_the_report_is_shown_by_the_next_run(reported):
     config = read_session(reported)
-    save_rehearsal(config, Rehearsed(0.95, 1, 40, (
-        RehearsedMaterial("cube", 0.953, 0.01, 0.05, 0.2, (4,) * 10),)))
+    save_rehearsal(config, Rehearsed(0.95, 1, 40, ("cube",), *np.array([[0.953], [0.01], [0.05],
+                                                                        [0.2]]),
+                                     np.full((1, 10), 4)))
     assert run_again(reported)[1] == set(FILES)
     page = (reported / "report.html").read_text(encoding="utf-8")
     assert "Known truth inside the band, rehearsed" in page

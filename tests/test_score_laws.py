@@ -8,7 +8,7 @@ import pytest
 from spectrabox.calibrate.chart_findings import root_mean_square
 from spectrabox.measure.rules import median_surface_error, worst_entry
 from spectrabox.measure.rules import rehearsed as rule_on_rehearsal
-from spectrabox.measure.scene.rehearsal import Rehearsed, RehearsedMaterial
+from spectrabox.measure.scene.rehearsal import Rehearsed
 from spectrabox.measure.surfaces.surface_spectra import score
 from spectrabox.radiometry.errors import InputError
 from spectrabox.radiometry.findings import Severity
@@ -72,9 +72,9 @@ def test_two_readings_contradict_each_other_by_the_error_of_their_difference(apa
 
 
 def test_a_rehearsal_is_judged_by_the_material_whose_bands_hold_least():
-    rehearsed = Rehearsed(0.95, 1, 40, tuple(
-        RehearsedMaterial(name, coverage, 0.005, 0.05, 0.2, (4,) * 10)
-        for name, coverage in (("good", 0.97), ("poor", 0.88), ("fair", 0.94))))
+    rehearsed = Rehearsed(0.95, 1, 40, ("good", "poor", "fair"), np.array([0.97, 0.88, 0.94]),
+                          np.full(3, 0.005), np.full(3, 0.05), np.full(3, 0.2),
+                          np.full((3, 10), 4))
     found, = rule_on_rehearsal(rehearsed)
     assert found.values["value"] == 0.88 and found.severity is Severity.WARN
     assert found.subject == "poor"

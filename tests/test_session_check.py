@@ -162,7 +162,7 @@ def test_a_run_keeps_what_a_check_of_a_sound_session_decoded(captured, monkeypat
     inputs = {path: path.read_bytes() for path in captured.rglob("*") if path.is_file()}
     assert not check_session(captured).problems
     assert all(path.read_bytes() == content for path, content in inputs.items())
-    states = {state.name: state.state for state in stage_states(read_session(captured))}
+    states = {name: state for name, (state, _) in stage_states(read_session(captured)).items()}
     assert states == {"chart": "done", "photo": "done", "calibrate": "done",
                       "reconstruct": "missing", "sample": "missing"}
 

@@ -22,7 +22,6 @@ from spectrabox.calibrate.trust import certain_glare
 from spectrabox.measure import rules
 from spectrabox.measure.held_out_spectra import patches_without
 from spectrabox.measure.pictures import illumination, photo_white, surface_textures
-from spectrabox.measure.pictures.lit_photo import PhotoSpectra
 from spectrabox.measure.pictures.pixel_flags import SEEN
 from spectrabox.measure.pictures.pixel_spectra import PictureLayout
 from spectrabox.measure.pictures.texture_files import write_textures
@@ -239,7 +238,7 @@ def test_the_texture_of_a_wall_seen_face_on_is_the_picture_of_it(tmp_path, monke
     made = surface_textures.TextureSums(scene, seen.reshape(shape), layout)
     for first in range(0, rows, 2):         # some rows at a time
         part = slice(first * columns, (first + 2) * columns)
-        made.add(first, first + 2, PhotoSpectra(mean[part], mean[part], None, seen[part], None))
+        made.add(first, first + 2, seen[part], mean[part], mean[part])
     write_textures(made, layout, tmp_path)
     picture, nm = read_spectral_picture(str(tmp_path / "texture-wall.exr"))
     np.testing.assert_array_equal(nm, PRIOR_GRID.nm)

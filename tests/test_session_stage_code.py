@@ -33,7 +33,7 @@ def edited(tmp_path, monkeypatch):
     ("radiometry/records/spectra.py", STAGES)])
 def test_an_edit_makes_stale_what_depends_on_it(finished, edited, file, stale):
     edited(file)
-    states = {state.name: state for state in stage_states(read_session(finished))}
-    assert {name for name, state in states.items() if state.state == "stale"} == stale
+    states = stage_states(read_session(finished))
+    assert {name for name, (state, _) in states.items() if state == "stale"} == stale
     for name in stale:
-        assert states[name].reasons[0].startswith(("code: ", "stages: "))
+        assert states[name][1][0].startswith(("code: ", "stages: "))

@@ -53,16 +53,11 @@ class PhotoBlock(pixel_spectra.PixelBlock):
         """Signals (n, K) that a reflectance can give."""
         return np.clip(self.measured, DARKEST, uplift_table.MAX_SIGNAL)
 
-
-@dataclass(frozen=True)
-class PhotoSpectra:
-    """Spectra of n pixels, NaN for those without one."""
-
-    mean: np.ndarray                # (n, P)
-    standard_deviation: np.ndarray  # (n, Q)
-    novelty: np.ndarray             # (n,) beyond 1 the prior was learnt from none like it
-    flags: np.ndarray               # (n,) of pixel_flags.py
-    beyond_white: np.ndarray        # (n,) bool: brighter than white for certain
+    @property
+    def beyond_white(self) -> np.ndarray:
+        """How much brighter than white (n,) a pixel is; beyond 1 for certain."""
+        return np.asarray(np.max(self.measured - uplift_table.MAX_SIGNAL, axis=1)
+                          / (SIGMAS * self.grey_error))
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,8 +220,9 @@ class LitPhoto:
 
 
 def photo_spectra(photo: LitPhoto, layout: pixel_spectra.PictureLayout,
-                  tables: pixel_spectra.SpectraTables, block: PhotoBlock) -> PhotoSpectra:
-    """Spectra of a block, without those of pixels that have none.
+                  tables: pixel_spectra.SpectraTables, block: PhotoBlock) -> uplift_table.Uplifted:
+    """Mean (n, P), standard deviation (n, Q) and novelty (n,) of a block's pixels, NaN for those
+    without a spectrum; beyond a novelty of 1 the prior was learnt from none like it.
 
     Parameters
     ----------
@@ -236,9 +232,8 @@ def photo_spectra(photo: LitPhoto, layout: pixel_spectra.PictureLayout,
     block : PhotoBlock
     """
     mean, deviation, novelty = pixel_spectra.block_spectra(photo, layout, tables, block)
-    beyond = np.max(block.measured - uplift_table.MAX_SIGNAL, axis=1) / (SIGMAS * block.grey_error)
     # no signal beyond white is explained by the prior
-    novelty = np.maximum(novelty, beyond)
+    novelty = np.maximum(novelty, block.beyond_white)
     for part in (mean, deviation, novelty):
         part[~block.seen] = np.nan
-    return PhotoSpectra(mean, deviation, novelty, block.flags, beyond > 1)
+    return mean, deviation, novelty

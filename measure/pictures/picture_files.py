@@ -25,8 +25,8 @@ PIXELS_A_POINT = 500        # a point of the table takes as long as how many pix
 
 def write_picture(
     photo: lit_photo.LitPhoto, section: PictureOptions, folder: Path,
-    progress: Callable[[float], None], also: Callable[[int, int, lit_photo.PhotoSpectra],
-                                                      None] = lambda first, last, spectra: None
+    progress: Callable[[float], None],
+    also: Callable[[int, int, np.ndarray, np.ndarray, np.ndarray], None] = lambda *rows: None
 ) -> PictureRecords:
     """Write the spectra of all pixels and maps of them.
 
@@ -36,7 +36,7 @@ def write_picture(
     section : PictureOptions
     folder : Path
     progress : function of the share that is done
-    also : function of (first row, last row, spectra), optional
+    also : function of (first row, last row, flags, mean, standard deviation), optional
         Takes the spectra of some rows, from the top to the bottom.
     """
     layout = layout_of(section)
@@ -56,18 +56,18 @@ def write_picture(
 
     with picture_maps.map_rows(folder, height, width, maps, reduced) as write_maps:
         def blocks() -> Iterator[tuple[int, int, tuple[np.ndarray, ...]]]:
-            for first, last, spectra in spectra_files.computed_blocks(
+            for first, last, (block, spectra) in spectra_files.computed_blocks(
                     height, width,
                     lambda first, last: photo.block(first, last, direct=not tables),
-                    lambda block: lit_photo.photo_spectra(photo, layout, tables, block)):
-                write_maps(first, spectra)
-                also(first, last, spectra)
-                seen = spectra.flags == pixel_flags.SEEN
-                counts[:] += [(spectra.beyond_white & seen).sum(),
-                              (spectra.novelty[seen] > 1).sum(),
-                              spectra.standard_deviation.mean(axis=1)[seen].sum()]
-                reasons[:] += np.bincount(spectra.flags, minlength=reasons.size)
-                yield first, last, (spectra.mean, spectra.standard_deviation)
+                    lambda block: (block, lit_photo.photo_spectra(photo, layout, tables, block))):
+                mean, deviation, novelty = spectra
+                write_maps(first, block.flags, spectra)
+                also(first, last, block.flags, mean, deviation)
+                seen = block.seen
+                counts[:] += [(block.beyond_white[seen] > 1).sum(), (novelty[seen] > 1).sum(),
+                              deviation.mean(axis=1)[seen].sum()]
+                reasons[:] += np.bincount(block.flags, minlength=reasons.size)
+                yield first, last, (mean, deviation)
 
         spectra_files.write_spectra(blocks(), (height, width), folder, layout,
                       lambda share: progress(before + (1 - before) * share),

@@ -14,8 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from spectrabox.capture.photo import image_rows, preview
-from spectrabox.measure.pictures import lit_photo, pixel_flags, spectra_files
+from spectrabox.measure.pictures import pixel_flags, spectra_files
 from spectrabox.radiometry.system.words import file_stem
+from spectrabox.sampling.prior import uplift_table
 
 BANDS_NM = (450, 500, 550, 600, 650)     # of which maps of their own are made
 MASKED = (255, 0, 255)
@@ -35,9 +36,9 @@ class Map:
     title: str
     file: str
     channels: int
-    values: Callable[[lit_photo.PhotoSpectra], np.ndarray]        # of n pixels to (n, channels)
+    # from mean (n, P), standard deviation (n, Q) and novelty (n,) to (n, channels); None: the flags
+    values: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray] | None
     encoded: Callable[[np.ndarray], np.ndarray]         # (n, channels) to (n, 3) uint8
-    flags: bool = False                                 # whether the values are flags
 
 
 def maps_of(nm: np.ndarray, light: str | None, *, flags: bool) -> list[Map]:
@@ -62,15 +63,14 @@ def maps_of(nm: np.ndarray, light: str | None, *, flags: bool) -> list[Map]:
                         partial(_weighted_mean, np.array(at, np.float32)),
                         lambda values: np.repeat(_srgb8(values), 3, axis=1)))
     maps += [Map("Uncertainty", UNCERTAINTY, 1,
-                 lambda spectra: spectra.standard_deviation.mean(axis=1)[:, None],
+                 lambda mean, deviation, novelty: deviation.mean(axis=1)[:, None],
                  _coloured(DEVIATION_COLOURS, MAX_DEVIATION)),
              Map("Unlike what is known", UNFAMILIARITY, 1,
-                 lambda spectra: spectra.novelty[:, None],
+                 lambda mean, deviation, novelty: novelty[:, None],
                  _coloured(NOVELTY_COLOURS, MAX_NOVELTY))]
     if flags:
-        maps.append(
-            Map("Without a spectrum", MASK, 1, lambda spectra: spectra.flags[:, None],
-                lambda values: pixel_flags.COLOURS[values[:, 0].astype(np.uint8)], flags=True))
+        maps.append(Map("Without a spectrum", MASK, 1, None,
+                        lambda values: pixel_flags.COLOURS[values[:, 0].astype(np.uint8)]))
     return maps
 
 
@@ -84,7 +84,7 @@ class Reduced:
         self._shape = -(-height // self.factor), -(-width // self.factor)
         self._pixels, self._count = np.zeros(self._shape), np.zeros(self._shape)
         self._sums = {each.file: np.zeros((*self._shape, each.channels)) for each in maps}
-        self._flags = {each.file for each in maps if each.flags}
+        self._flags = {each.file for each in maps if each.values is None}
 
     def add(self, first: int, seen: np.ndarray, values: dict[str, np.ndarray]) -> None:
         """Add rows: which of their pixels (n, W) have spectra, and the values (n, W, C) of maps."""
@@ -112,19 +112,19 @@ class Reduced:
 
 @contextlib.contextmanager
 def map_rows(folder: Path, height: int, width: int, maps: Sequence[Map], reduced: Reduced
-             ) -> Iterator[Callable[[int, lit_photo.PhotoSpectra], None]]:
-    """A function of (first row, spectra of some rows) that writes rows of all maps."""
+             ) -> Iterator[Callable[[int, np.ndarray, uplift_table.Uplifted], None]]:
+    """A function of (first row, flags of some rows, their spectra) that writes rows of all maps."""
     with contextlib.ExitStack() as files:
         writers = {each.file: files.enter_context(
             image_rows.png_rows(folder / each.file, height, width, 3)) for each in maps}
 
-        def write(first: int, spectra: lit_photo.PhotoSpectra) -> None:
-            seen = spectra.flags == pixel_flags.SEEN
+        def write(first: int, flags: np.ndarray, spectra: uplift_table.Uplifted) -> None:
+            seen = flags == pixel_flags.SEEN
             of_maps = {}
             for each in maps:
-                values = each.values(spectra)
+                values = flags[:, None] if each.values is None else each.values(*spectra)
                 coded = each.encoded(np.nan_to_num(values))
-                if not each.flags:
+                if each.values is not None:
                     coded[~seen] = MASKED
                 writers[each.file](first, coded.reshape(-1, width, 3))
                 of_maps[each.file] = values.reshape(-1, width, each.channels)
@@ -142,9 +142,10 @@ def reduced_picture(reduced: Reduced, of_map: Map) -> np.ndarray:
     return picture.reshape(*values.shape[:2], 3)
 
 
-def _weighted_mean(weights: np.ndarray, spectra: lit_photo.PhotoSpectra) -> np.ndarray:
+def _weighted_mean(weights: np.ndarray, mean: np.ndarray, deviation: np.ndarray,
+                   novelty: np.ndarray) -> np.ndarray:
     """Mean spectra (n, P) times weights (P, channels)."""
-    return np.asarray(spectra.mean @ weights)
+    return np.asarray(mean @ weights)
 
 
 def _srgb8(linear: np.ndarray) -> np.ndarray:

@@ -15,7 +15,6 @@ from scipy.ndimage import distance_transform_edt
 from scipy.sparse import csr_array
 
 from spectrabox.measure.pictures import (
-    lit_photo,
     pixel_flags,
     pixel_spectra,
     spectra_files,
@@ -86,16 +85,16 @@ class TextureSums:
             self.findings = (Finding("picture.no-texture", Severity.NOTE,
                                      values={"names": shared}),)
 
-    def add(self, first: int, last: int, spectra: lit_photo.PhotoSpectra) -> None:
+    def add(self, first: int, last: int, flags: np.ndarray, mean: np.ndarray,
+            deviation: np.ndarray) -> None:
         """Add the spectra of rows ``first`` to ``last``."""
         texel = self._texel[first:last].ravel()
-        some = np.flatnonzero((texel >= 0) & (spectra.flags == pixel_flags.SEEN))
+        some = np.flatnonzero((texel >= 0) & (flags == pixel_flags.SEEN))
         texels, inverse, count = np.unique(texel[some], return_inverse=True, return_counts=True)
         of_texel = csr_array((np.ones(some.size, np.float32), (inverse, some)),
                              (texels.size, texel.size))
         self._count[texels] += count.astype(np.int32)
-        for sums, values in zip(self._sums, (spectra.mean, spectra.standard_deviation),
-                                strict=True):
+        for sums, values in zip(self._sums, (mean, deviation), strict=True):
             sums[texels] += of_texel @ values
 
     def textures(self) -> Iterator[tuple[str, str, tuple[int, int], dict[str, RowsOfTexture]]]:

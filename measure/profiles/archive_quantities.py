@@ -8,13 +8,13 @@ us stand without any.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from spectrabox.calibrate import colour_profile
-from spectrabox.radiometry import appearance, grid
+from spectrabox.radiometry import appearance
+from spectrabox.radiometry.chart import Chart
 from spectrabox.radiometry.records.photos import PatchSamples
 
 SOURCE = "https://skandalski.pl/tabela-fadgi-iso-metamorfoze/"
@@ -45,88 +45,60 @@ def grade(value: float, limits: Mapping[str, float]) -> str:
                 f"beyond {[*limits][-1]}")
 
 
-@dataclass(frozen=True, eq=False)
-class ChartColours:
-    """A chart's patches in a picture, and as its reference states them."""
-
-    names: tuple[str, ...]
-    lab: np.ndarray             # (I, 3) under D50
-    reference: np.ndarray       # (I, 3)
-    noise: np.ndarray           # (I,) standard deviation of L* from pixel to pixel
-    neutrals: tuple[int, ...]
-    own: np.ndarray | None      # (I, 3) by the camera's own matrix, where it is known
-
-    @property
-    def differences(self) -> np.ndarray:
-        """CIEDE2000 (I,)."""
-        return appearance.ciede2000(self.lab, self.reference)
-
-
-def chart_colours(samples: PatchSamples, white: np.ndarray, glare: np.ndarray,
-                  reflectances: np.ndarray, transform: colour_profile.ColourTransform,
-                  names: tuple[str, ...], neutrals: tuple[int, ...],
-                  own: colour_profile.ColourTransform | None) -> ChartColours:
-    """A chart's patches through a profile.
+def lightness_noise(samples: PatchSamples, signals: np.ndarray, white: np.ndarray,
+                    transform: colour_profile.ColourTransform) -> np.ndarray:
+    """Standard deviation (I,) of L* from pixel to pixel of a chart's patches.
 
     Parameters
     ----------
     samples : PatchSamples
+    signals : (I, 3) array
+        Relative to white.
     white : (I, 3) array
         Signal of a perfect reflector in each patch's place.
-    glare : (3,) array
-        Signal.
-    reflectances : (I, P) array
-        Of the chart, on ``FINE_GRID``.
     transform : ColourTransform
-    names : tuple of I str
-    neutrals : tuple of int
-        Indices of the neutral patches.
-    own : ColourTransform or None
-        The camera's own matrix.
     """
-    shown = ~samples.clipped.any(axis=1)
-    signals = ((samples.mean - glare) / white)[shown]
     slope = np.stack([(transform.lab(signals + STEP * one) - transform.lab(signals - STEP * one))
-                      [:, 0] / (2 * STEP) for one in np.eye(3)], axis=1) / white[shown]
-    variance = np.einsum("ij,ijk,ik->i", slope, samples.covariance_of_mean[shown], slope)
-    kept = np.flatnonzero(shown)
-    return ChartColours(
-        tuple(names[index] for index in kept), transform.lab(signals),
-        appearance.lab_from_xyz(reflectances[shown] @ colour_profile.d50_weights(grid.FINE_GRID).T,
-                     colour_profile.D50), np.sqrt(variance * samples.pixels[shown]),
-        tuple(int(np.flatnonzero(kept == index)[0]) for index in neutrals if index in kept),
-        None if own is None else own.lab(signals))
+                      [:, 0] / (2 * STEP) for one in np.eye(3)], axis=1) / white
+    variance = np.einsum("ij,ijk,ik->i", slope, samples.covariance_of_mean, slope)
+    return np.sqrt(variance * samples.pixels)
 
 
-def archive_quantities(chart: ChartColours, light: np.ndarray) -> list[dict[str, Any]]:
+def archive_quantities(layout: Chart, lab: np.ndarray, reference: np.ndarray, noise: np.ndarray,
+                       light: np.ndarray) -> list[dict[str, Any]]:
     """What the chart tells of the picture, as ``spectrabox colour --json`` has it.
 
     Parameters
     ----------
-    chart : ChartColours
+    layout : Chart
+    lab, reference : (I, 3) arrays
+        Of the patches under D50, as pictured and as stated; NaN of those that are clipped.
+    noise : (I,) array
+        From ``lightness_noise``.
     light : (2, h, w) array
         Over the photo, relative to the chart's mean, and its relative error.
     """
-    differences, count = chart.differences, len(chart.names)
-    all_patches = f"all {count} patches of the chart, CIEDE2000 under D50 to its reference"
+    differences = appearance.ciede2000(lab, reference)
+    shown = np.isfinite(differences)
+    all_patches = f"all {shown.sum()} patches of the chart, CIEDE2000 under D50 to its reference"
     quantities = [
-        _quantity("Colour accuracy, mean", float(differences.mean()), "CIEDE2000", all_patches,
-                  _limits((4, 5, 5), (2, 3.5, 5, 6.5))),
-        _quantity("Colour accuracy, 90th percentile", float(np.percentile(differences, 90)),
+        _quantity("Colour accuracy, mean", float(differences[shown].mean()), "CIEDE2000",
+                  all_patches, _limits((4, 5, 5), (2, 3.5, 5, 6.5))),
+        _quantity("Colour accuracy, 90th percentile", float(np.percentile(differences[shown], 90)),
                   "CIEDE2000", all_patches, {}),
-        _quantity("Colour accuracy, largest", float(differences.max()), "CIEDE2000",
-                  f"the worst patch, {chart.names[int(differences.argmax())]}",
+        _quantity("Colour accuracy, largest", float(differences[shown].max()), "CIEDE2000",
+                  f"the worst patch, {layout.names[int(np.nanargmax(differences))]}",
                   _limits((10, 15, 15)))]
-    if chart.neutrals:
-        grey = list(chart.neutrals)
-        off = chart.lab[grey] - chart.reference[grey]
+    grey = [patch for patch in layout.neutrals if shown[patch]]
+    if grey:
+        off = lab[grey] - reference[grey]
         on = f"the worst of {len(grey)} neutral patches"
         quantities += [
             _quantity("White balance", float(np.hypot(off[:, 1], off[:, 2]).max()),
                       "difference in a*, b*", on, _limits((3, 4, 5), (2, 4, 6, 8))),
             _quantity("Tone response", float(np.abs(off[:, 0]).max()), "difference in L*", on,
                       _limits((2, 3, 4), (1.5, 3, 4.5, 6))),
-            _quantity("Noise", float(chart.noise[grey].max()), "standard deviation of L*",
+            _quantity("Noise", float(noise[grey].max()), "standard deviation of L*",
                       f"pixels of {on}", {})]
     level, error = light
     return [*quantities,

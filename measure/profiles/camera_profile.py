@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -86,14 +86,13 @@ class CameraProfile:
         the mean CIEDE2000 of the second by set.
         """
         colour, forward, errors = self.matrices[name]
-        return (spread_over(colour[0], colour[1:]), spread_over(forward[0], forward[1:]),
-                {of: spread_over(float(each[0]), each[1:])
+        return (spread_over(colour), spread_over(forward),
+                {of: spread_over(each)
                  for of, each in zip((FITTED_SET, FRESH_SET), errors.T, strict=True)})
 
     def aces_spreads(self) -> tuple[colour_profiles.Spread, colour_profiles.Spread]:
         """The ACES matrix and its white balance."""
-        matrix, balance = (spread_over(each[0], each[1:])
-                           for each in zip(*self.aces, strict=True))
+        matrix, balance = (spread_over(np.array(each)) for each in zip(*self.aces, strict=True))
         return matrix, balance
 
     def facts(self) -> dict[str, object]:
@@ -125,11 +124,12 @@ class CameraProfile:
                           *matrix_rows(self.aces_spreads()[0])])
 
 
-def spread_over(value: np.ndarray | float,
-                drawn: Sequence[np.ndarray | float] | np.ndarray) -> colour_profiles.Spread:
-    """A value with its standard deviation over draws, where there are any."""
-    deviation = np.std(np.array(drawn), axis=0, ddof=1) if len(drawn) > 1 else None
-    return colour_profiles.Spread(value, deviation)
+def spread_over(values: np.ndarray) -> colour_profiles.Spread:
+    """The first of some values (1 + T, ...) with the standard deviation over the others, which are
+    draws of it, where there are any.
+    """
+    deviation = np.std(values[1:].copy(), axis=0, ddof=1) if len(values) > 2 else None
+    return colour_profiles.Spread(values[0], deviation)
 
 
 def matrix_rows(matrix: colour_profiles.Spread) -> list[str]:
@@ -146,27 +146,7 @@ def matrix_rows(matrix: colour_profiles.Spread) -> list[str]:
 MEASURED, FITTED, PHOTOGRAPHED = "measured curves", "fitted curves", "photographed chart"
 DRAWS = 100
 PERCENTILE = 90
-
-
-@dataclass(frozen=True, eq=False)
-class ComparedMatrix:
-    """A matrix with its spread over what its source may be, and the colours that it gives."""
-
-    source: str
-    matrix: colour_profiles.Spread  # (3, 3) to X, Y, Z under D50
-    aces: colour_profiles.Spread    # (3, 3) to ACES2065-1
-    # CIEDE2000 of the chart as photographed: mean, 90th percentile
-    chart: tuple[colour_profiles.Spread, colour_profiles.Spread]
-    # of surfaces that no matrix was fitted to
-    fresh: tuple[colour_profiles.Spread, colour_profiles.Spread]
-    apart: float                    # mean CIEDE2000 from the first matrix, of the same surfaces
-
-    def facts(self) -> dict[str, object]:
-        """As numbers."""
-        named = ("mean", f"percentile_{PERCENTILE}")
-        return {"source": self.source, "matrix": self.matrix, "aces": self.aces,
-                "chart": dict(zip(named, self.chart, strict=True)),
-                "fresh": dict(zip(named, self.fresh, strict=True)), "apart": self.apart}
+FIGURES = ("mean", f"percentile_{PERCENTILE}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,10 +156,13 @@ class MatrixComparison:
 
     Attributes
     ----------
-    rows : tuple of ComparedMatrix
-        Each with its ``source``, ``matrix`` and ``aces`` (to ACES2065-1) with their standard
-        deviations, CIEDE2000 of the ``chart`` as photographed and of ``fresh`` surfaces (mean and
-        90th percentile), and how far its colours are ``apart`` from those of the first.
+    matrices : dict of (1 + T, 3, 3) arrays
+        By source: the matrix, then what it may be as well, T draws.
+    chart, fresh : dict of (1 + T, 2) arrays
+        Likewise: mean and 90th percentile of CIEDE2000 of the chart as photographed, and of
+        surfaces that no matrix was fitted to.
+    apart : dict of float
+        By source: mean CIEDE2000 of the same surfaces from the first matrix.
     judge : str
         By which curves fresh surfaces were judged.
 
@@ -195,22 +178,31 @@ class MatrixComparison:
     >>> matrices.plot()
     """
 
-    rows: tuple[ComparedMatrix, ...]
+    matrices: dict[str, np.ndarray]
+    chart: dict[str, np.ndarray]
+    fresh: dict[str, np.ndarray]
+    apart: dict[str, float]
     judge: str
 
     @property
     def compared(self) -> MatrixComparison:
-        """Itself, with its rows."""
+        """Itself."""
         return self
 
-    def facts(self) -> list[dict[str, object]]:
-        """A row for each matrix, as numbers.
+    def facts(self) -> list[dict[str, Any]]:
+        """A row for each matrix, as numbers with their standard deviations.
 
         Returns
         -------
         list of dict
+            Each with its ``source``, ``matrix`` and ``aces`` (to ACES2065-1), ``chart`` and
+            ``fresh``, each with its mean and 90th percentile, and ``apart``.
         """
-        return [row.facts() for row in self.rows]
+        return [{"source": source, "matrix": spread_over(each),
+                 "aces": spread_over(profile_files.aces_from_d50() @ each),
+                 **{of: dict(zip(FIGURES, map(spread_over, errors[source].T), strict=True))
+                    for of, errors in (("chart", self.chart), ("fresh", self.fresh))},
+                 "apart": self.apart[source]} for source, each in self.matrices.items()]
 
     def plot(self, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
         """The entries of the matrices and their colour errors, each with one standard deviation
@@ -237,16 +229,18 @@ class MatrixComparison:
         lines = [f"CIEDE2000 under D50, mean and {PERCENTILE}th percentile: the chart as "
                  f"photographed; {colour_profiles.FRESH}, as the {self.judge} see them; how far "
                  "from the first matrix these are"]
-        for row in self.rows:
-            lines.append(f"{row.source}: chart {row.chart[0].words}, {row.chart[1].words}; "
-                         f"{colour_profiles.FRESH} {row.fresh[0].words}, {row.fresh[1].words}; "
-                         f"{row.apart:.2f} from the first")
-            lines += matrix_rows(row.matrix)
+        for row in self.facts():
+            chart, fresh = (", ".join(row[of][figure].words for figure in FIGURES)
+                            for of in ("chart", "fresh"))
+            lines.append(f"{row['source']}: chart {chart}; {colour_profiles.FRESH} {fresh}; "
+                         f"{row['apart']:.2f} from the first")
+            lines += matrix_rows(row["matrix"])
         return "\n".join(lines)
 
     def __repr__(self) -> str:
         return "<MatrixComparison: CIEDE2000 " + ", ".join(
-            f"{row.fresh[0].words} ({row.source})" for row in self.rows) + ">"
+            f"{spread_over(errors[:, 0]).words} ({source})"
+            for source, errors in self.fresh.items()) + ">"
 
 
 def compare_matrices(calibration: chart_calibration.ChartCalibration, photo: chart_photo.ChartPhoto,
@@ -293,23 +287,18 @@ def compare_matrices(calibration: chart_calibration.ChartCalibration, photo: cha
     to_xyz, fresh = colour_profile.d50_weights(PRIOR_GRID).T, named_spectra.test_reflectances(
         PRIOR_GRID)[colour_profiles.FRESH]
     xyz, seen = patches @ to_xyz, fresh @ judging.T
-    rows: list[ComparedMatrix] = []
-    others: np.ndarray | None = None
-    for name, (of_source, draws) in signals.items():
-        central = colour_profile.transform_of_signals(of_source, xyz, colour_profiles.MATRIX_DEGREE)
-        each = [colour_profile.transform_of_signals(one, xyz, colour_profiles.MATRIX_DEGREE)
-                for one in draws]
-        others = central.lab(seen) if others is None else others
-        rows.append(
-            ComparedMatrix(
-                name, _with_spread(central, each, np.eye(3)),
-                _with_spread(central, each, profile_files.aces_from_d50()),
-                _colour_errors(central, each, shown,
-                               appearance.lab_from_xyz(xyz, colour_profile.D50)),
-                _colour_errors(central, each, seen,
-                               appearance.lab_from_xyz(fresh @ to_xyz, colour_profile.D50)),
-                float(appearance.ciede2000(central.lab(seen), others).mean())))
-    return MatrixComparison(tuple(rows), judge)
+    transforms = {name: [
+        colour_profile.transform_of_signals(one, xyz, colour_profiles.MATRIX_DEGREE)
+        for one in (of_source, *draws)] for name, (of_source, draws) in signals.items()}
+    of_chart, of_fresh = (appearance.lab_from_xyz(each, colour_profile.D50)
+                          for each in (xyz, fresh @ to_xyz))
+    first = transforms[judge][0].lab(seen)
+    return MatrixComparison(
+        {name: np.array([one.coefficients for one in each]) for name, each in transforms.items()},
+        {name: _colour_errors(each, shown, of_chart) for name, each in transforms.items()},
+        {name: _colour_errors(each, seen, of_fresh) for name, each in transforms.items()},
+        {name: float(appearance.ciede2000(each[0].lab(seen), first).mean())
+         for name, each in transforms.items()}, judge)
 
 
 def _measured_response(curves: np.ndarray, photo: chart_photo.ChartPhoto, rng: np.random.Generator
@@ -374,18 +363,8 @@ def photographed_signals(calibration: chart_calibration.ChartCalibration,
     return signal / balance, float(np.log(grey.sum(axis=0)).std(ddof=1))
 
 
-def _with_spread(central: colour_profile.ColourTransform,
-                 each: list[colour_profile.ColourTransform],
-                 onward: np.ndarray) -> colour_profiles.Spread:
-    """A matrix, led on by another, and its standard deviation."""
-    return spread_over(onward @ central.coefficients, [onward @ one.coefficients for one in each])
-
-
-def _colour_errors(central: colour_profile.ColourTransform,
-                   each: list[colour_profile.ColourTransform], signals: np.ndarray,
-                   truth: np.ndarray) -> tuple[colour_profiles.Spread, colour_profiles.Spread]:
-    """Mean and high percentile of CIEDE2000 against L*, a*, b* (n, 3), with their spreads."""
-    figures = [(float(errors.mean()), float(np.percentile(errors, PERCENTILE))) for errors in (
-        appearance.ciede2000(one.lab(signals), truth) for one in (central, *each))]
-    mean, high = (spread_over(value, drawn) for value, *drawn in zip(*figures, strict=True))
-    return mean, high
+def _colour_errors(each: list[colour_profile.ColourTransform], signals: np.ndarray,
+                   truth: np.ndarray) -> np.ndarray:
+    """Mean and high percentile of CIEDE2000 against L*, a*, b* (n, 3), by transform (T, 2)."""
+    errors = [appearance.ciede2000(one.lab(signals), truth) for one in each]
+    return np.array([(of.mean(), np.percentile(of, PERCENTILE)) for of in errors])

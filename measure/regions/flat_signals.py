@@ -3,20 +3,16 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from spectrabox.calibrate.chart_equations import PatchError
 from spectrabox.measure.regions.moved_lamp import gloss_and_level
-from spectrabox.measure.regions.white import FlatErrors, FlatPhoto, PhotoWhite, white_at_regions
-from spectrabox.measure.shoot import options
-from spectrabox.measure.surfaces import surface_signals, surface_spectra
+from spectrabox.measure.regions.white import FlatErrors, FlatPhoto, PhotoWhite
 from spectrabox.radiometry import error_model, gloss, grid
 from spectrabox.radiometry.errors import CheckError
-from spectrabox.radiometry.records.photos import RegionEdge, RegionSamples
-from spectrabox.radiometry.records.spectra import SpectrumSummary, SurfaceSignals
-from spectrabox.sampling.prior import mixture_posterior, signal_posterior
+from spectrabox.radiometry.records.spectra import SurfaceSignals
+from spectrabox.sampling.prior import mixture_posterior
 from spectrabox.sampling.prior.mixture import PRIOR_GRID, load_prior, of_families
 
 # of the brightest band of a photo: below it the black level and stray light are most of a signal
@@ -248,61 +244,3 @@ def _same(response: np.ndarray, other: np.ndarray) -> bool:
     """Whether two responses (K, P) are the same within round-off."""
     return response.shape == other.shape and bool(
         np.abs(response - other).max() <= SAME * np.abs(other).max())
-
-
-@dataclass(frozen=True, eq=False)
-class RegionSignal:
-    """What the photos tell of one region."""
-
-    signals: SurfaceSignals         # of the region alone
-    light: tuple[float, float]      # relative to the chart's mean, and its relative standard error
-    scatter: float                  # of pixels beyond noise and even light, in the worst band
-    edge: RegionEdge | None         # across its pixels, in the first photo that shows one
-
-    def posterior(self, families: Sequence[str]) -> signal_posterior.SignalPosterior:
-        """Every spectrum behind it in closed form, for a surface that is said to be of families."""
-        return signal_posterior.solve_posterior(of_families(load_prior(), families),
-                                                surface_signals.measurement(self.signals, 0))
-
-    def spectrum(self, families: Sequence[str],
-                 chosen: options.Sampling, seed: int) -> SpectrumSummary:
-        """The spectrum as a run draws it, whose seed is that of the run plus the region's index."""
-        name = self.signals.names[0]
-        return surface_spectra.sample_surfaces(self.signals, chosen, seed, {name: families},
-                               lambda done, what: None)[name]
-
-
-def signal_of_region(photos: Sequence[FlatPhoto], samples: Sequence[RegionSamples | None],
-                     families: Sequence[str], known: Mapping[str, np.ndarray],
-                     bands: Sequence[str], errors: FlatErrors) -> RegionSignal:
-    """The signal of one region with its errors, as a run has it among all regions.
-
-    Parameters
-    ----------
-    photos : sequence of FlatPhoto
-        Their own samples are not looked at.
-    samples : sequence of RegionSamples or None
-        Of each photo: the region first, then regions of known spectrum; None where a photo does
-        not show the region.
-    families : sequence of str
-        That the region's surface is said to be of; none for any.
-    known : mapping
-        From names of regions to their known reflectances (P,) on the grid.
-    bands : sequence of K str
-        Names of the camera's bands.
-    errors : FlatErrors
-
-    Raises
-    ------
-    InputError, CheckError
-        As ``white.white_at_regions``.
-    """
-    whites = [white_at_regions(dataclasses.replace(photo, samples=own), known, errors)
-              for photo, own in zip(photos, samples, strict=True)]
-    first = next(white for white in whites if white is not None)
-    name = first.samples.names[0]
-    signals = flat_signals(photos, whites, {name: families}, {}, bands, errors)
-    return RegionSignal(signals, (float(np.exp(first.log_field[0])), float(first.field_error[0])),
-                        float(first.samples.scatter[0].max()),
-                        next((white.samples.edges[name] for white in whites
-                              if white is not None and name in white.samples.edges), None))

@@ -19,10 +19,12 @@ from spectrabox.measure.regions import flat_signals, white
 from spectrabox.measure.steps.photos import PHOTO_THUMBNAIL_WIDTH as THUMBNAIL_WIDTH
 from spectrabox.measure.steps.photos import outlines_in, registration_of
 from spectrabox.measure.steps.signals import flat_errors, flat_photos
+from spectrabox.measure.surfaces import surface_signals, surface_spectra
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.records.photos import LinearImage, RegionSamples, Registration
-from spectrabox.radiometry.records.spectra import SpectrumSummary
-from spectrabox.sampling.prior.signal_posterior import SignalPosterior
+from spectrabox.radiometry.records.spectra import SpectrumSummary, SurfaceSignals
+from spectrabox.sampling.prior import mixture
+from spectrabox.sampling.prior.signal_posterior import SignalPosterior, solve_posterior
 
 
 def pointed_sample(capture: captured.FlatCapture, records: CaptureRecords,
@@ -122,43 +124,57 @@ class PointedSample:
                                       without_clipped=len(capture.views) > 1,
                                       known=capture.known) if outlines else None
 
-    def signal(self, name: str, region: captured.Surface) -> flat_signals.RegionSignal:
-        """The signal of a region, which need not be one of the capture.
+    def signal(self, name: str,
+               region: captured.Surface) -> tuple[SurfaceSignals, list[white.PhotoWhite]]:
+        """The signal of a region, which need not be one of the capture, with its errors, as a run
+        has it among all regions; and white in each photo that shows it, the region being the first
+        there.
 
         Parameters
         ----------
         name : str
         region : Surface
+
+        Raises
+        ------
+        InputError, CheckError
+            As ``white.white_at_regions``.
         """
         alone = replace(self.capture, regions={name: region})
         samples = [joined_samples(self._sampled(alone, view, (name,)),
                                   self._known_samples[view.name]) for view in alone.views]
         errors = replace(self.errors, surfaces={name: region.surface} if region.surface else {})
-        return flat_signals.signal_of_region(self.photos, samples, region.families,
-                                self._known, self.bands, errors)
+        whites = [white.white_at_regions(replace(photo, samples=own), self._known, errors)
+                  for photo, own in zip(self.photos, samples, strict=True)]
+        signals = flat_signals.flat_signals(self.photos, whites, {name: region.families}, {},
+                                            self.bands, errors)
+        return signals, [each for each in whites if each is not None]
 
-    def drawn(self, name: str) -> tuple[flat_signals.RegionSignal, SpectrumSummary]:
-        """Signal and spectrum of a region of the capture, as a report has them.
+    def drawn(self, name: str) -> tuple[list[white.PhotoWhite], SpectrumSummary]:
+        """White at a region of the capture and its spectrum, as a report has them: drawn by the
+        seed of the run plus the region's index.
 
         Parameters
         ----------
         name : str
         """
         capture, region = self.capture, self.capture.regions[name]
-        signal = self.signal(name, region)
-        return signal, signal.spectrum(region.families, capture.sampling,
-                                       capture.seed + list(capture.regions).index(name))
+        signals, whites = self.signal(name, region)
+        seed = capture.seed + list(capture.regions).index(name)
+        return whites, surface_spectra.sample_surfaces(
+            signals, capture.sampling, seed, {name: region.families}, lambda done, what: None)[name]
 
     def pointed(self, region: captured.Surface
-                ) -> tuple[flat_signals.RegionSignal, SignalPosterior]:
-        """Signal and spectrum of any part of a photo, the spectrum in closed form.
+                ) -> tuple[SurfaceSignals, list[white.PhotoWhite], SignalPosterior]:
+        """Signal of any part of a photo, white there, and the spectrum in closed form.
 
         Parameters
         ----------
         region : Surface
         """
-        signal = self.signal("pointer", region)
-        return signal, signal.posterior(region.families)
+        signals, whites = self.signal("pointer", region)
+        prior = mixture.of_families(mixture.load_prior(), region.families)
+        return signals, whites, solve_posterior(prior, surface_signals.measurement(signals, 0))
 
 
 def joined_samples(own: RegionSamples | None, known: RegionSamples | None

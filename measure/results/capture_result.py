@@ -12,7 +12,7 @@ import numpy as np
 
 from spectrabox.measure import captured, conditions, extras, rules, tables, texts, words
 from spectrabox.measure.advice.advice import Advised
-from spectrabox.measure.records import CaptureRecords, ChartFit, PictureRecords
+from spectrabox.measure.records import CaptureRecords, ChartFit, MeasuredChart, PictureRecords
 from spectrabox.measure.results import calibration_facts, facts, surface_result
 from spectrabox.radiometry.chart import CLASSIC, Chart
 from spectrabox.radiometry.findings import Finding, Severity
@@ -31,6 +31,7 @@ class CaptureResult(ABC):
 
     bands: tuple[str, ...]            # band names, "R", "G", "B" for a colour camera
     chart: ChartFit | None            # None where sensitivities came from a file
+    measured_chart: MeasuredChart | None = None         # that it explains; of the first photo
     layout: Chart = CLASSIC           # of every chart
     # by view, of charts with a fit of their own: each patch by a calibration without it
     other_charts: Mapping[str, calibration_records.HeldOutPatches] = field(default_factory=dict)
@@ -245,7 +246,7 @@ def common_findings(capture: captured.Capture, records: CaptureRecords) -> dict[
     photos = [*records.photo.photos.values(),
               *(chart.thumbnail for chart in records.charts.values())]
     return {"bands": capture.band_names(records.photo.bands),
-            "chart": records.calibrate.chart,
+            "chart": records.calibrate.chart, "measured_chart": records.charts.get(""),
             "layout": CLASSIC if capture.chart is None else capture.layout,
             "other_charts": records.calibrate.other_charts,
             "calibration": records.calibrations(capture.views)[0],

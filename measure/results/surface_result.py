@@ -96,12 +96,12 @@ class SurfaceResult(estimate.Estimate):
         return self.lab().standard_error
 
     @property
-    def metamers(self) -> colour_comparison.MetamerPair | None:
+    def metamers(self) -> spectra.SpectrumSamples | None:
         """Two of its draws that the photo cannot tell apart; None without two draws."""
         return self.compared[0]
 
     @cached_property
-    def compared(self) -> tuple[colour_comparison.MetamerPair | None, Finding | None]:
+    def compared(self) -> tuple[spectra.SpectrumSamples | None, Finding | None]:
         """The same, and why it could not be made."""
         samples = self.samples
         if samples is None or len(samples.spectra) < 2:

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -39,49 +40,46 @@ from spectrabox.sampling.prior.families.family_models import true_reflectances
 from spectrabox.sampling.prior.signal_posterior import solve_posterior
 
 TOLERATED = 0.02         # of coverage: less is not worth a warning
+FIGURES = ("coverage", "coverage_standard_error", "rmse", "width", "ranks")     # by material
 
 
-@dataclass(frozen=True)
-class RehearsedMaterial:
-    """One material over all rehearsals."""
-
-    name: str
-    coverage: float                     # mean share of wavelengths inside the band
-    coverage_standard_error: float
-    rmse: float                         # mean
-    width: float                        # mean, of the band
-    ranks: tuple[int, ...]              # counts of the truth's rank among the draws
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Rehearsed:
-    """Rehearsals of one session with known truths."""
+    """Rehearsals of one session with known truths: M materials over all of them."""
 
     level: float                        # of the bands
     seed: int
     times: int
-    materials: tuple[RehearsedMaterial, ...]
-
-    @property
-    def worst(self) -> RehearsedMaterial:
-        """The material whose bands hold least."""
-        return min(self.materials, key=lambda each: each.coverage)
+    names: tuple[str, ...]              # of the materials
+    coverage: np.ndarray                # (M,) mean share of wavelengths inside the band
+    coverage_standard_error: np.ndarray
+    rmse: np.ndarray                    # (M,) mean
+    width: np.ndarray                   # (M,) mean, of the band
+    ranks: np.ndarray                   # (M, 10) counts of the truth's rank among the draws
 
     @property
     def too_narrow(self) -> bool:
         """Whether some material's bands hold less than they state, beyond two standard errors and
         two percent.
         """
-        return any(each.coverage + 2 * each.coverage_standard_error < self.level - TOLERATED
-                   for each in self.materials)
+        return bool(np.any(self.coverage + 2 * self.coverage_standard_error
+                           < self.level - TOLERATED))
 
     @property
     def finding(self) -> findings.Finding:
         """Whether bands hold as stated, by the worst material."""
         return findings.Finding("scene.rehearsed", findings.Severity.WARN if self.too_narrow
-                                else findings.Severity.INFO, self.worst.name,
-                                {"value": self.worst.coverage, "intended": self.level,
+                                else findings.Severity.INFO, self.names[self.coverage.argmin()],
+                                {"value": float(self.coverage.min()), "intended": self.level,
                                  "times": self.times, "photo": ""})
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """For JSON."""
+        figures = {name: getattr(self, name).tolist() for name in FIGURES}
+        return {"level": self.level, "seed": self.seed, "times": self.times, "materials": [
+            dict(zip(("name", *figures), values, strict=True))
+            for values in zip(self.names, *figures.values(), strict=True)]}
 
     @property
     def text(self) -> str:
@@ -89,11 +87,11 @@ class Rehearsed:
         lines = [f"{self.times} rehearsals with known truths; {self.level:.0%} of wavelengths "
                  "should lie inside the bands",
                  f"{'material':<16} {'band holds':>18} {'RMSE':>8} {'width':>8}   truths by rank"]
-        for each in self.materials:
-            share = f"{each.coverage:.1%} +- {each.coverage_standard_error:.1%}"
-            ranks = " ".join(f"{count:d}" for count in each.ranks)
-            lines.append(f"{each.name:<16} {share:>18} {each.rmse:>8.3f} {each.width:>8.3f}   "
-                         f"{ranks}")
+        for name, coverage, error, rmse, width, ranks in zip(
+                self.names, *(getattr(self, figure) for figure in FIGURES), strict=True):
+            share = f"{coverage:.1%} +- {error:.1%}"
+            lines.append(f"{name:<16} {share:>18} {rmse:>8.3f} {width:>8.3f}   "
+                         + " ".join(map(str, ranks)))
         return "\n".join([*lines, texts.sentence(self.finding)])
 
 
@@ -104,8 +102,6 @@ RANK_BINS = 10
 RANK_STEP = 6            # every 30 nm: closer wavelengths rank alike
 MIN_TIMES = 20
 TRACING = 0.1            # of the time: tracing light
-
-Scores = tuple[float, float, float, np.ndarray]
 
 
 def rehearse(views: Sequence[view.PhotoView], settings: settings.InversionSettings,
@@ -161,7 +157,8 @@ def rehearse(views: Sequence[view.PhotoView], settings: settings.InversionSettin
               in zip(priors.items(), of_truths.spawn(len(priors)), strict=True)}  # (T, 61) each
     traced_views = replayable(views, settings, lambda done, what: progress(TRACING * done, what))
     cameras = _cameras(calibrations[0], times, seed)
-    rows = []
+    figures = np.zeros((3, len(priors), times))     # coverage, RMSE and width
+    ranks = np.zeros((len(priors), RANK_BINS), int)
     for number, one in enumerate(of_photos.spawn(times)):
         progress(TRACING + (1 - TRACING) * (number / times), f"rehearsal {number + 1} of {times}")
         rng = np.random.default_rng(one)
@@ -177,22 +174,15 @@ def rehearse(views: Sequence[view.PhotoView], settings: settings.InversionSettin
         again = with_stray_light(replay(traced_views, settings, true_spectra, responses, true_glare,
                                         true_ambient.tolist(), rng), glare, ambient, stated_gloss)
         signals = scene_signals(again, calibrations)
-        scores = []
-        for name, own in priors.items():
+        for index, (name, own) in enumerate(priors.items()):
             posterior = solve_posterior(own, measurement(signals, again.materials.index(name)))
             draws = posterior.draws(DRAWS, int(rng.integers(1 << 31)))
-            scores.append(_scores(draws, truths[name][number], level))
-        rows.append(scores)
-    materials = []
-    for index, name in enumerate(priors):
-        coverage, rmse, width, ranks = map(np.array, zip(*(row[index] for row in rows),
-                                                         strict=True))
-        # wavelengths of one truth are no separate trials
-        error = coverage.std(ddof=1) / np.sqrt(times)
-        materials.append(RehearsedMaterial(
-            name, float(coverage.mean()), float(error), float(rmse.mean()), float(width.mean()),
-            tuple(ranks.sum(axis=0).tolist())))
-    return Rehearsed(level, seed, times, tuple(materials))
+            figures[:, index, number], of_truth = _scores(draws, truths[name][number], level)
+            ranks[index] += of_truth
+    coverage, rmse, width = figures.mean(axis=2)
+    # wavelengths of one truth are no separate trials
+    error = figures[0].std(axis=1, ddof=1) / np.sqrt(times)
+    return Rehearsed(level, seed, times, tuple(priors), coverage, error, rmse, width, ranks)
 
 
 def _cameras(calibration: calibration.Calibration, times: int, seed: int) -> np.ndarray:
@@ -230,11 +220,12 @@ def _response(traced: TracedView, calibration: calibration.Calibration, joint: J
                      for each in lights])
 
 
-def _scores(draws: np.ndarray, truth: np.ndarray, level: float) -> Scores:
-    """Coverage, RMSE of the mean, mean width, and truths (bins,) by their rank."""
+def _scores(draws: np.ndarray, truth: np.ndarray, level: float
+            ) -> tuple[np.ndarray, np.ndarray]:
+    """Coverage, RMSE of the mean and mean width as (3,), and truths (bins,) by their rank."""
     lower, upper = np.quantile(draws, [(1 - level) / 2, (1 + level) / 2], axis=0)
     ranks = (draws[:, ::RANK_STEP] < truth[::RANK_STEP]).sum(axis=0)
     bins = np.bincount(ranks * RANK_BINS // (DRAWS + 1), minlength=RANK_BINS)
     inside = (truth >= lower) & (truth <= upper)
-    return (float(inside.mean()), float(np.sqrt(np.mean((draws.mean(axis=0) - truth) ** 2))),
-            float(np.mean(upper - lower)), bins)
+    off = draws.mean(axis=0) - truth
+    return np.array([inside.mean(), np.sqrt(np.mean(off**2)), np.mean(upper - lower)]), bins

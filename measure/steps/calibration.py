@@ -130,7 +130,7 @@ def _fitted(capture: captured.Capture, groups: list[list[captured.View]],
             findings += [dataclasses.replace(one, subject=first.name) for one
                          in fit.of_chart(held_out[first.name], capture.layout.names)]
             if not first.name:
-                chart = _chart_fit(capture, charts[""], photos[""], fit, held_out[""])
+                chart = _chart_fit(capture, photos[""], fit, held_out[""])
                 glare = trust.certain_glare(prior_fit, charts[""].thumbnail)
         else:
             camera = _camera_of_curves(capture, first)
@@ -171,7 +171,7 @@ def _of_view(camera: calibration_records.Calibration, view: captured.View,
         light, UnknownLight) else light)
 
 
-def _chart_fit(capture: captured.Capture, chart: MeasuredChart, photo: chart_photo.ChartPhoto,
+def _chart_fit(capture: captured.Capture, photo: chart_photo.ChartPhoto,
                fit: chart_calibration.ChartCalibration,
                held_out: calibration_records.HeldOutPatches) -> ChartFit:
     """How the calibration explains the first chart photo."""
@@ -180,8 +180,7 @@ def _chart_fit(capture: captured.Capture, chart: MeasuredChart, photo: chart_pho
         # the fit estimates the light over it
         irradiance = np.full(len(fit.predicted), np.nan)        # not known of excluded patches
         irradiance[photo.used] = known.photos[0].field
-    made = ChartFit(chart.detection, chart.samples, fit.predicted,
-                    irradiance / np.fmax.reduce(irradiance), held_out, fit.copy)
+    made = ChartFit(fit.predicted, irradiance / np.fmax.reduce(irradiance), held_out, fit.copy)
     return made if known is None else dataclasses.replace(
         made, prior_share=known.prior_share, families=known.families,
         patch_error=np.array(known.patch_error))

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -31,7 +31,7 @@ from spectrabox.measure import texts
 from spectrabox.radiometry import appearance, error_model, errors
 from spectrabox.radiometry.covariance import symmetric, symmetric_root
 from spectrabox.radiometry.findings import Finding, Severity
-from spectrabox.radiometry.grid import WavelengthGrid, interpolation_matrix
+from spectrabox.radiometry.grid import interpolation_matrix
 from spectrabox.radiometry.records.spectra import SpectrumSamples, SurfaceSignals
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 from spectrabox.sampling.prior.signal_posterior import SignalPosterior
@@ -83,23 +83,8 @@ LIGHTS = ("D65", "A", "FL11", "LED-B3", "LED-RGB1")
 ENDS = (0.025, 0.975)           # of the draws along their main difference
 
 
-@dataclass(frozen=True, eq=False)
-class MetamerPair:
-    """Two draws at the ends of what the draws span along their main difference.
-
-    ``srgb`` (L, 2, 3) are their colours under each of ``LIGHTS``, adapted to D65 by Bradford,
-    ``delta_e00`` (L,) their CIEDE2000 there; ``apart_nm`` is where a reading tells them apart best.
-    """
-
-    grid: WavelengthGrid
-    spectra: np.ndarray         # (2, P)
-    srgb: np.ndarray
-    delta_e00: np.ndarray
-    apart_nm: float
-
-
-def metamer_pair(samples: SpectrumSamples) -> MetamerPair:
-    """The pair of a material.
+def metamer_pair(samples: SpectrumSamples) -> SpectrumSamples:
+    """Two of some draws: those at the ends of what all span along their main difference.
 
     Parameters
     ----------
@@ -111,15 +96,26 @@ def metamer_pair(samples: SpectrumSamples) -> MetamerPair:
     _, axes = np.linalg.eigh(off.T @ off)
     along = off @ axes[:, -1]
     chosen = [int(np.argmin(np.abs(along - np.quantile(along, share)))) for share in ENDS]
-    pair = np.clip(spectra[chosen], 0.0, 1.0)
+    return replace(samples, spectra=np.clip(spectra[chosen], 0.0, 1.0),
+                   coefficients=samples.coefficients[chosen], variables=None)
+
+
+def apart_nm(pair: SpectrumSamples) -> float:
+    """Where a reading tells two spectra apart best."""
+    return float(pair.grid.nm[np.abs(pair.spectra[0] - pair.spectra[1]).argmax()])
+
+
+def under_lights(pair: SpectrumSamples) -> tuple[np.ndarray, np.ndarray]:
+    """Colours (L, 2, 3) of two spectra under each of ``LIGHTS``, encoded sRGB adapted to D65 by
+    Bradford, and their CIEDE2000 (L,) there.
+    """
     colours, differences = [], []
     for name in LIGHTS:
-        weights, adapted = colour_weights(name, tuple(grid.nm.tolist()))
-        lab = appearance.lab_from_xyz(pair @ weights.T, weights.sum(axis=1))
+        weights, adapted = colour_weights(name, tuple(pair.grid.nm.tolist()))
+        lab = appearance.lab_from_xyz(pair.spectra @ weights.T, weights.sum(axis=1))
         differences.append(float(appearance.ciede2000(lab[0], lab[1])))
-        colours.append([appearance.encoded_srgb(adapted @ one) for one in pair])
-    apart = float(grid.nm[int(np.argmax(np.abs(pair[0] - pair[1])))])
-    return MetamerPair(grid, pair, np.array(colours), np.array(differences), apart)
+        colours.append([appearance.encoded_srgb(adapted @ one) for one in pair.spectra])
+    return np.array(colours), np.array(differences)
 
 
 @functools.cache

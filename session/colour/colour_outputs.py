@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from spectrabox.calibrate.colour_profile import stated_transform
+from spectrabox.calibrate import colour_profile
 from spectrabox.capture.photo.image_writers import write_tiff16
 from spectrabox.measure import captured, opened_photos, texts
 from spectrabox.measure.profiles import archive_quantities
@@ -82,19 +82,29 @@ def write_colour(config: SessionConfig, run: FinishedRun, folder: Path, space: s
     reflectances = capture.lit_chart.reflectances
     relative = reflectances @ interreflection.relative_response(calibration, grid.FINE_GRID).T
     glare = records.calibrate.whites[""].glare
-    patches = archive_quantities.chart_colours(chart.samples, (fit.predicted - glare) / relative,
-                                               glare, reflectances, profile.table, layout.names,
-                                               layout.neutrals,
-                                               None if own is None else stated_transform(own))
+    white = (fit.predicted - glare) / relative
+    patches = (chart.samples.mean - glare) / white
+    patches[chart.samples.clipped.any(axis=1)] = np.nan
+    lab = profile.table.lab(patches)
+    reference = appearance.lab_from_xyz(
+        reflectances @ colour_profile.d50_weights(grid.FINE_GRID).T, colour_profile.D50)
+    differences = appearance.ciede2000(lab, reference)
+    shown = np.isfinite(differences)
     facts = {"files": [str(path) for path in (*files, folder / PHOTO, folder / PAGE)],
              "space": profile_files.NAMES[space], "clipped": clipped,
              "delta_e00": profile.facts(),
-             "chart": {"mean": float(patches.differences.mean()),
-                       "by_own_matrix": _own_mean(patches)},
+             "chart": {"mean": float(differences[shown].mean()),
+                       "by_own_matrix": None if own is None else float(appearance.ciede2000(
+                           colour_profile.stated_transform(own).lab(patches),
+                           reference)[shown].mean())},
              "archive": archive_quantities.archive_quantities(
-                 patches, records.flat_signals.light_maps[view.name])}
-    write_text_whole(folder / PAGE, _page(config, facts, profile, patches,
-                                          calibration.findings))
+                 layout, lab, reference, archive_quantities.lightness_noise(
+                     chart.samples, patches, white, profile.table),
+                 records.flat_signals.light_maps[view.name])}
+    rows = [{"name": layout.names[patch], "lab": lab[patch].tolist(),
+             "reference": reference[patch].tolist(), "difference": float(differences[patch])}
+            for patch in np.flatnonzero(shown)]
+    write_text_whole(folder / PAGE, _page(config, facts, profile, rows, calibration.findings))
     return facts, _text(facts, profile)
 
 
@@ -102,12 +112,6 @@ def _stated_families(capture: captured.FlatCapture) -> list[str]:
     """Families of the regions, if every one states its own."""
     stated = [region.families for region in capture.regions.values() if region.known is None]
     return sorted({name for families in stated for name in families}) if all(stated) else []
-
-
-def _own_mean(patches: archive_quantities.ChartColours) -> float | None:
-    if patches.own is None:
-        return None
-    return float(np.mean(appearance.ciede2000(patches.own, patches.reference)))
 
 
 def _text(facts: dict[str, Any], profile: colour_profiles.ColourProfile) -> str:
@@ -125,13 +129,9 @@ def _text(facts: dict[str, Any], profile: colour_profiles.ColourProfile) -> str:
 
 
 def _page(config: SessionConfig, facts: dict[str, Any], profile: colour_profiles.ColourProfile,
-          patches: archive_quantities.ChartColours, findings: Sequence[findings.Finding]) -> str:
-    rows = [{"name": name, "lab": lab, "reference": reference, "difference": difference}
-            for name, lab, reference, difference in zip(
-                patches.names, patches.lab.tolist(), patches.reference.tolist(),
-                patches.differences.tolist(), strict=True)]
+          patches: list[dict[str, Any]], findings: Sequence[findings.Finding]) -> str:
     of_the_chart = [texts.says(one) for one in findings if one.code == CHART_CHECK]
     return templates().get_template("archive.html.j2").render(
-        name=config.session.name, style=style_sheet(), facts=facts, patches=rows,
+        name=config.session.name, style=style_sheet(), facts=facts, patches=patches,
         of_the_chart=of_the_chart, iso=archive_quantities.ISO, fadgi=archive_quantities.FADGI,
         source=archive_quantities.SOURCE, draws=profile.draws, not_measured=NOT_MEASURED)

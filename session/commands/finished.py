@@ -3,7 +3,6 @@ rehearsal.
 """
 from __future__ import annotations
 
-import dataclasses
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -173,7 +172,7 @@ def rehearse(
         rehearsed = replay(config, times, seed, device,
                            lambda done, what: progress("rehearse", done, what))
         path = rehearsals.save_rehearsal(config, rehearsed)
-    return command_line.Answer(dataclasses.asdict(rehearsed) | {"file": str(path)}, rehearsed.text)
+    return command_line.Answer(rehearsed.facts | {"file": str(path)}, rehearsed.text)
 
 
 def finished_session(folder: Path, allow_outside: bool

@@ -128,20 +128,23 @@ def status(folder: command_line.Folder,
            allow_outside: command_line.Outside = False) -> command_line.Answer:
     """Show which stages are done, which are out of date, and why."""
     from spectrabox.session.config.session_file import read_session
-    from spectrabox.session.kept_stages import stage_states, states_without_inputs
+    from spectrabox.session.kept_stages import stage_names, stage_states, states_without_inputs
+    from spectrabox.session.store.record_files import load_stage
     config, fault = read_session(folder, allow_outside), None
     try:
         states = stage_states(config)
     except InputError as error:
         states, fault = states_without_inputs(config), error
-    lines = [f"{state.name:<12} {state.state:<10} "
-             + (f"{state.seconds:.1f} s" if state.state == "done" and state.seconds is not None
-                else "; ".join(state.reasons)) for state in states]
+    stored = {name: load_stage(config.results_folder, name) for name in stage_names(config)}
+    seconds = {name: stage.seconds for name, stage in stored.items() if stage is not None}
+    lines = [f"{name:<12} {state:<10} "
+             + (f"{seconds[name]:.1f} s" if state == "done" else "; ".join(reasons))
+             for name, (state, reasons) in states.items()]
     report = folder / "report.html"
     lines.append(f"{'report':<12} {'written' if report.exists() else 'missing'}")
-    facts = {"stages": [{"name": state.name, "state": state.state,
-                         "reasons": list(state.reasons), "seconds": state.seconds}
-                        for state in states],
+    facts = {"stages": [{"name": name, "state": state, "reasons": list(reasons),
+                         "seconds": seconds.get(name)}
+                        for name, (state, reasons) in states.items()],
              "report": str(report) if report.exists() else None}
     if fault is None:
         return command_line.Answer(facts, "\n".join(lines))

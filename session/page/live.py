@@ -18,8 +18,8 @@ import numpy as np
 from spectrabox.measure import captured, extras, opened_photos, texts
 from spectrabox.measure.pictures import shown_photo
 from spectrabox.measure.records import CaptureRecords
-from spectrabox.measure.regions.flat_signals import RegionSignal
 from spectrabox.measure.regions.pointing import PointedSample, pointed_sample
+from spectrabox.measure.regions.white import PhotoWhite
 from spectrabox.measure.results.flat_result import FlatResult
 from spectrabox.measure.shoot import captures
 from spectrabox.measure.steps.declared_steps import inputs_of_calibration, inputs_of_charts
@@ -29,7 +29,7 @@ from spectrabox.radiometry.spectra.formats import delimited, tm27
 from spectrabox.radiometry.system.words import shortened
 from spectrabox.session.config.session_file import SessionConfig
 from spectrabox.session.page import pointed_answers, run_control
-from spectrabox.session.page.photo_views import RELATIVE, PhotoFile, PhotoViews
+from spectrabox.session.page.photo_views import RELATIVE, PhotoViews
 from spectrabox.session.store.keys import InputFiles, digest_of_parts, step_keys
 from spectrabox.session.store.record_files import fingerprint, load_stage
 
@@ -59,7 +59,7 @@ class LiveSample:
         self._sample_key = ""                           # of its calibration and photos
         self._calibrated_as = ""                        # digest of what these rest on
         self._kept: dict[str, dict[str, Any]] = {}      # answers by what they depend on
-        self._drawn: dict[str, tuple[RegionSignal, spectra.SpectrumSummary]] = {}  # likewise
+        self._drawn: dict[str, tuple[list[PhotoWhite], spectra.SpectrumSummary]] = {}  # likewise
         self._tried: set[str] = set()                   # keys that a run was started for
         self._images: tuple[str, dict[str, photos.LinearImage]] = ("", {})
         self._chart: tuple[str, dict[str, Any]] = ("", {})
@@ -198,8 +198,8 @@ class LiveSample:
         return self._kept[depends]
 
     def _drawn_region(self, sample: PointedSample,
-                      name: str) -> tuple[RegionSignal, spectra.SpectrumSummary]:
-        """Signal and spectrum of a region, drawn once for the page and the verdict."""
+                      name: str) -> tuple[list[PhotoWhite], spectra.SpectrumSummary]:
+        """White at a region and its spectrum, drawn once for the page and the verdict."""
         depends = depends_on(sample, name)
         with self._drawing:
             if depends not in self._drawn:
@@ -327,7 +327,7 @@ class LiveSample:
                                          strict=True):
                 for files in map(captured.files_of, (view.photo, view.chart)):
                     if len(files) == 1 and files[0].path is not None:
-                        photo = self._views.photo(PhotoFile(files[0].path, capture.orientation))
+                        photo = self._views.photo((files[0].path, capture.orientation))
                         look = shown_photo.scene_look(calibration, photo.reduced(HALVINGS))
                         if look is not None:
                             looks[files[0].path] = look
@@ -376,8 +376,7 @@ class LiveSample:
             images[view.name] = photos.developed(view.photo)[0]
             files = [file for band in view.photo.values() for file in band]
             if len(files) == 1 and plain:
-                self._views.keep(PhotoFile(files[0].path, capture.orientation),
-                                 images[view.name])
+                self._views.keep((files[0].path, capture.orientation), images[view.name])
         return images
 
     def _state_anew(self) -> None:

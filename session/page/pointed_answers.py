@@ -10,8 +10,8 @@ import numpy as np
 
 from spectrabox.measure import captured, conditions, opened_photos, rules, texts
 from spectrabox.measure.records import MeasuredChart
-from spectrabox.measure.regions.flat_signals import RegionSignal
 from spectrabox.measure.regions.pointing import PointedSample
+from spectrabox.measure.regions.white import PhotoWhite
 from spectrabox.measure.results.flat_result import FlatResult, flat_result
 from spectrabox.measure.steps import declared_steps, measurement, photos, signals
 from spectrabox.measure.steps.work import Work
@@ -49,14 +49,14 @@ def described_charts(capture: captured.FlatCapture,
     return described
 
 
-def described_region(sample: PointedSample, signal: RegionSignal,
+def described_region(sample: PointedSample, whites: Sequence[PhotoWhite],
                      summary: SpectrumSummary) -> dict[str, Any]:
     """The spectrum of a region of the session for the page, as its report has it."""
     answer = described_spectrum(summary.grid.nm, summary.mean) | described(
-        signal, summary.lower, summary.upper,
+        whites, summary.lower, summary.upper,
         appearance.reflectance_to_lab(summary.draws.grid.nm, summary.draws.spectra),
         summary.family_shares, summary.variance_shares) | {"next_nm": summary.next_measurement_nm}
-    if (truth := sample.capture.regions[signal.signals.names[0]].truth) is not None:
+    if (truth := sample.capture.regions[whites[0].samples.names[0]].truth) is not None:
         answer["truth"] = described_truth(truth, summary.grid.nm, summary.mean)
     return answer
 
@@ -72,12 +72,12 @@ def described_truth(truth: Spectrum, nm: np.ndarray, mean: np.ndarray) -> dict[s
 
 def described_part(sample: PointedSample, region: captured.Surface) -> dict[str, Any]:
     """The same of any part of a photo, in closed form."""
-    signal, posterior = sample.pointed(region)
+    signals, whites, posterior = sample.pointed(region)
     nm = PRIOR_GRID.nm
     return described_spectrum(nm, posterior.mean) | described(
-        signal, *posterior.band(sample.capture.sampling.level),
+        whites, *posterior.band(sample.capture.sampling.level),
         appearance.reflectance_to_lab(nm, posterior.draws(POINTED_DRAWS, 1)),
-        posterior.family_shares, posterior.variance_shares(errors_by_cause(signal.signals, 0)))
+        posterior.family_shares, posterior.variance_shares(errors_by_cause(signals, 0)))
 
 
 def described_comparison(sample: PointedSample,
@@ -85,8 +85,8 @@ def described_comparison(sample: PointedSample,
     """Two parts of photos beside each other, each with its title."""
     (first, region), (second, other) = picked
     pointed = [sample.pointed(region), sample.pointed(other)]
-    both = compare_colours([signal.signals for signal, _ in pointed],
-                           [posterior for _, posterior in pointed])
+    both = compare_colours([signals for signals, _, _ in pointed],
+                           [posterior for _, _, posterior in pointed])
     return {"names": [first, second], "distinct": both.distinct, "says": both.sentence,
             "spectra": [{"nm": PRIOR_GRID.nm.tolist(), "mean": _rounded(mean)}
                         for mean in both.means],
@@ -97,20 +97,26 @@ def described_comparison(sample: PointedSample,
                                                             for light in LIGHTS)]}
 
 
-def described(signal: RegionSignal, lower: np.ndarray, upper: np.ndarray, labs: np.ndarray,
+def described(whites: Sequence[PhotoWhite], lower: np.ndarray, upper: np.ndarray, labs: np.ndarray,
               families: Mapping[str, float], causes: Mapping[str, float]) -> dict[str, Any]:
-    """What an estimate adds to its spectrum: band, error of the colour from draws (T, 3), causes.
+    """What an estimate adds to its spectrum: band, error of the colour from draws (T, 3), causes;
+    and what the photos say of the first of their regions.
     """
-    notes, name = [], signal.signals.names[0]
-    if signal.edge is not None:
-        notes.append(texts.says(rules.edge_in(name, signal.edge)))
-    elif signal.scatter > photos.UNEVEN:
-        notes.append(texts.says(photos.uneven_region(name, signal.scatter)))
+    first, notes = whites[0], []
+    name, scatter = first.samples.names[0], float(first.samples.scatter[0].max())
+    edge = next((white.samples.edges[name] for white in whites if name in white.samples.edges),
+                None)
+    if edge is not None:
+        notes.append(texts.says(rules.edge_in(name, edge)))
+    elif scatter > photos.UNEVEN:
+        notes.append(texts.says(photos.uneven_region(name, scatter)))
     return {"lower": _rounded(lower), "upper": _rounded(upper),
             "lab_error": _rounded(labs.std(axis=0)), "families": _largest(families),
-            "causes": _largest(causes), "light": list(signal.light), "notes": notes,
-            "larger_part": None if signal.edge is None or signal.edge.larger_part_px is None
-            else signal.edge.larger_part_px.tolist()}
+            "causes": _largest(causes),
+            "light": [float(np.exp(first.log_field[0])), float(first.field_error[0])],
+            "notes": notes,
+            "larger_part": None if edge is None or edge.larger_part_px is None
+            else edge.larger_part_px.tolist()}
 
 
 def described_spectrum(nm: np.ndarray, reflectance: np.ndarray) -> dict[str, Any]:

@@ -124,13 +124,13 @@ class SessionPage:
         kind, _, name = role.partition(":")
         if kind == "shot" and self.shooting is not None:
             shot = self.shooting.path(name)
-            return PhotoFile(shot, photo_orientation(shot))
+            return shot, photo_orientation(shot)
         tables = self._tables_of_photos(self.marks.read()[0])
         named = written_session.photos_of(tables)
         if tables is not None and role in named:
             path = self._inside(named[role])
             if path is not None:
-                return PhotoFile(path, tables.photos.orientation)
+                return path, tables.photos.orientation
         raise InputError(f"the session has no photo {shortened(role)}; it has {', '.join(named)}")
 
     @contextlib.contextmanager
@@ -196,8 +196,8 @@ class SessionPage:
                 states: list[dict[str, Any]] = []
                 if config is not None:
                     with contextlib.suppress(SpectraboxError):
-                        states = [{"name": one.name, "state": one.state,
-                                   "reasons": list(one.reasons)} for one in stage_states(config)]
+                        states = [{"name": name, "state": state, "reasons": list(reasons)}
+                                  for name, (state, reasons) in stage_states(config).items()]
                 self._states = (now, states)
             return self._states[1]
 

@@ -12,8 +12,9 @@ from markupsafe import Markup
 from spectrabox.measure import texts
 from spectrabox.measure.advice.advice import Advice, Advised
 from spectrabox.measure.results.surface_result import SurfaceResult
-from spectrabox.measure.surfaces.colour_comparison import LIGHTS, MetamerPair
+from spectrabox.measure.surfaces.colour_comparison import LIGHTS, apart_nm, under_lights
 from spectrabox.radiometry.findings import Finding
+from spectrabox.radiometry.records.spectra import SpectrumSamples
 from spectrabox.sampling.prior import family_coverage
 from spectrabox.session.report import figures, spectra, svg
 
@@ -21,24 +22,25 @@ WIDTH, HEIGHT = 300, 90         # of the drawing, in its own unit
 COLOURS = ("#1f4e8c", "#b3261e")
 
 
-def metamer_facts(pair: MetamerPair) -> dict[str, Any]:
+def metamer_facts(pair: SpectrumSamples) -> dict[str, Any]:
     """The pair as numbers for the page's data."""
-    return {"nm": pair.grid.nm, "spectra": pair.spectra, "apart_nm": pair.apart_nm,
-            "delta_e00": dict(zip(LIGHTS, pair.delta_e00.tolist(), strict=True))}
+    _, differences = under_lights(pair)
+    return {"nm": pair.grid.nm, "spectra": pair.spectra, "apart_nm": apart_nm(pair),
+            "delta_e00": dict(zip(LIGHTS, differences.tolist(), strict=True))}
 
 
 @svg.figure("spectra that look alike")
-def metamer_drawing(pair: MetamerPair) -> Markup:
+def metamer_drawing(pair: SpectrumSamples) -> Markup:
     """Both spectra as a small drawing: 0 to 1 upwards, the wavelengths of their grid across."""
-    nm = pair.grid.nm
+    nm, widest = pair.grid.nm, apart_nm(pair)
     across = (nm - nm[0]) / (nm[-1] - nm[0]) * WIDTH
     lines = "".join(
         f'<polyline fill="none" stroke="{colour}" stroke-width="1.6" points="'
         + " ".join(f"{x:.1f},{HEIGHT * (1 - y):.1f}" for x, y in zip(across, values, strict=True))
         + '"/>' for colour, values in zip(COLOURS, pair.spectra, strict=True))
-    apart = (pair.apart_nm - nm[0]) / (nm[-1] - nm[0]) * WIDTH
+    apart = (widest - nm[0]) / (nm[-1] - nm[0]) * WIDTH
     label = (f"Two spectra between {nm[0]:.0f} and {nm[-1]:.0f} nm that give one signal, furthest "
-             f"apart at {pair.apart_nm:.0f} nm")
+             f"apart at {widest:.0f} nm")
     return Markup(f'<svg class="metamers" role="img" aria-label="{label}" viewBox="-1 -1 '
                   f'{WIDTH + 2} {HEIGHT + 2}"><rect width="{WIDTH}" height="{HEIGHT}" fill="none" '
                   f'stroke="#8a8a85" stroke-width=".6"/><line x1="{apart:.1f}" x2="{apart:.1f}" '
@@ -86,7 +88,7 @@ class Card:
         assert pair is not None
         return [(name, spectra.css_colour(one), spectra.css_colour(other), float(difference))
                 for name, (one, other), difference
-                in zip(LIGHTS, pair.srgb, pair.delta_e00, strict=True)]
+                in zip(LIGHTS, *under_lights(pair), strict=True)]
 
     @property
     def largest_causes(self) -> list[tuple[str, float]]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from spectrabox.calibrate.chart_findings import root_mean_square
 from spectrabox.measure import conditions, rules, texts
-from spectrabox.measure.records import ChartFit
+from spectrabox.measure.records import ChartFit, MeasuredChart
 from spectrabox.measure.results import (
     calibration_facts,
     capture_result,
@@ -37,7 +37,8 @@ def report_numbers(results: SessionResults) -> dict[str, Any]:
         "bands": result.bands, "verdict": _verdict(result.verdict), "advice": result.advice.facts,
         "signal_bands": result.signal_bands,
         "calibration": _calibration(result, results.sensitivity_truth),
-        "chart": None if result.chart is None else _chart(result, result.chart),
+        "chart": None if result.chart is None or result.measured_chart is None
+        else _chart(result, result.chart, result.measured_chart),
         "clipped_share": result.photo.clipped_share,
         "inputs": [file.numbers for file in results.inputs],
         "stages": results.facts()["stages"], "warnings": result.warnings,
@@ -176,21 +177,21 @@ def _calibration(result: capture_result.CaptureResult,
         }
 
 
-def _chart(result: capture_result.CaptureResult,
-           chart: ChartFit) -> dict[str, Any]:
+def _chart(result: capture_result.CaptureResult, chart: ChartFit,
+           measured: MeasuredChart) -> dict[str, Any]:
+    samples, detection = measured.samples, measured.detection
     swatches = spectra.swatch_pairs(result)
     return {"swatches": _fields(swatches, "measured", "predicted", "delta_e00", "from_others",
                                 "order"),
             "prior": None if chart.prior_share is None else {
                 "share": chart.prior_share, "families": [members for members, _ in chart.families],
                 "probabilities": np.array([probability for _, probability in chart.families])},
-            "measured": chart.samples.mean, "standard_error": chart.samples.standard_error,
-            "covariance_of_mean": chart.samples.covariance_of_mean,
-            "saturated_fraction": chart.samples.saturated_fraction,
-            "saturated": chart.samples.saturated_fraction.max(axis=1), "predicted": chart.predicted,
-            "irradiance": chart.irradiance, "corners_px": chart.detection.corners_px,
-            "confidence": chart.detection.confidence,
-            "how_found": texts.says(chart.detection.how_found),
-            "mirrored": chart.detection.mirrored,
+            "measured": samples.mean, "standard_error": samples.standard_error,
+            "covariance_of_mean": samples.covariance_of_mean,
+            "saturated_fraction": samples.saturated_fraction,
+            "saturated": samples.saturated_fraction.max(axis=1), "predicted": chart.predicted,
+            "irradiance": chart.irradiance, "corners_px": detection.corners_px,
+            "confidence": detection.confidence, "how_found": texts.says(detection.how_found),
+            "mirrored": detection.mirrored,
             "left_out": None if chart.left_out is None
             else calibration_facts.held_out_facts(chart.left_out, result.layout.names)}

@@ -14,21 +14,17 @@ from spectrabox.calibrate import chart_findings
 from spectrabox.measure import extras, plots, rules, texts, words
 from spectrabox.measure.extras import attempt, different
 from spectrabox.measure.results import capture_result, flat_result, methods, scene_result
+from spectrabox.measure.surfaces import colour_comparison
 from spectrabox.radiometry.appearance import reflectance_to_srgb
 from spectrabox.radiometry.files import whole_file
 from spectrabox.radiometry.findings import Finding
 from spectrabox.radiometry.records.calibration import HeldOutPatches
 from spectrabox.session.outputs.session_results import SessionResults
-from spectrabox.session.report import figures, maps, svg
+from spectrabox.session.report import figures, maps, spectra, svg
 from spectrabox.session.report.cards import Card, answer_cards, assumed_of_all, tested_families
 from spectrabox.session.report.numbers import flat_numbers, report_numbers, scene_numbers
 from spectrabox.session.report.pictures import json_for_script, picture_data_uri, picture_digest
-from spectrabox.session.report.spectra import (
-    css_colour,
-    light_figure,
-    sensitivity_figure,
-    swatch_pairs,
-)
+from spectrabox.session.report.spectra import swatch_pairs
 
 PAGE_NAME, NUMBERS_NAME = "report.html", "report.json"
 TEMPLATES = Path(__file__).parent / "templates"
@@ -37,7 +33,8 @@ FILTERS = {"percent": words.percent, "signed_percent": words.signed_percent, "nu
            "name": texts.name, "says": texts.says, "shown": texts.shown, "limit": texts.limit,
            "sentence": texts.sentence, "paragraph": texts.paragraph,
            "fixed": words.fixed, "exposure": words.exposure, "fact": words.fact, "lab": words.lab,
-           "agreement_in": rules.agreement_in, "scale_words": methods.scale_words,
+           "apart_nm": colour_comparison.apart_nm, "agreement_in": rules.agreement_in,
+           "scale_words": methods.scale_words,
            "surface_colours": lambda names: maps.surface_colours(len(names)),
            "residual_limit": lambda fit: maps.residual_limit(maps.residual_maps(fit)),
            "in_colour": lambda bands: zip(bands, plots.band_colours(bands), strict=True)}
@@ -186,7 +183,8 @@ def _scene_sections(result: scene_result.SceneResult, results: SessionResults,
     fit = result.reconstruction
     views = [(name, maps.pair_figure(f"pair-{number}", made, calibration.sensitivity, result.bands),
               maps.residual_figure(f"residuals-{number}", made, result.bands),
-              light_figure(f"light-{number}", calibration.light, calibration.light_posterior))
+              spectra.light_figure(f"light-{number}", calibration.light,
+                                   calibration.light_posterior))
              for number, (name, (calibration, made)) in enumerate(result.views.items(), start=2)]
     return {"pair_figure": maps.pair_figure("pair", fit, result.calibration.sensitivity,
                                             result.bands),
@@ -230,8 +228,8 @@ def _chart_section(result: capture_result.CaptureResult) -> dict[str, Any]:
 
 def _left_out(patches: HeldOutPatches) -> list[tuple[str, str, float]]:
     estimates, references = (
-        [css_colour(reflectance_to_srgb(patches.grid.nm, one)) for one in spectra]
-        for spectra in (patches.mean, patches.reference))
+        [spectra.css_colour(reflectance_to_srgb(patches.grid.nm, one)) for one in each]
+        for each in (patches.mean, patches.reference))
     return list(zip(estimates, references, chart_findings.patch_differences(patches).tolist(),
                     strict=True))
 
@@ -271,9 +269,9 @@ def _content(results: SessionResults, cards: list[Card]) -> dict[str, Any]:
         "files": _files(result),
         **of_chart, "surface_off": rules.SURFACE_OFF,
         "held_out_rms": chart_findings.root_mean_square(fit.held_out_residuals),
-        "sensitivity_figure": sensitivity_figure("sensitivity", fit, result.bands,
+        "sensitivity_figure": spectra.sensitivity_figure("sensitivity", fit, result.bands,
                                                  results.sensitivity_truth),
-        "light_figure": light_figure("light", light, result.calibration.light_posterior),
+        "light_figure": spectra.light_figure("light", light, result.calibration.light_posterior),
         }
 
 

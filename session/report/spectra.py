@@ -249,11 +249,11 @@ def swatch_pairs(result: capture_result.CaptureResult) -> SwatchPairs | None:
     SwatchPairs or None
         None without a chart.
     """
-    residuals, chart = rules.chart_residuals(result), result.chart
-    if chart is None or residuals is None:
+    residuals, chart, photo = rules.chart_residuals(result), result.chart, result.measured_chart
+    if chart is None or photo is None or residuals is None:
         return None
     held_out = result.calibration.sensitivity.held_out_residuals
-    measured = chart.samples.mean
+    measured = photo.samples.mean
     predicted = measured * (1 - (residuals if held_out is None else held_out))
     difference = None
     if chart.left_out is None:

@@ -133,7 +133,7 @@ def opened_arrays(path: Path) -> Iterator[Mapping[str, np.ndarray]]:
 # ---- stored results of a session -----------------------------------------------------------------
 
 FACTS, ARRAYS = "facts.json", "arrays.npz"
-FORMAT = 6      # of the stored records; a stage of another is made again
+FORMAT = 7      # of the stored records; a stage of another is made again
 T = TypeVar("T")
 
 

@@ -1,10 +1,11 @@
 """The last rehearsal of a session, kept among its results as JSON."""
 from __future__ import annotations
 
-import dataclasses
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from spectrabox.radiometry.files import write_text_whole
 from spectrabox.session.config.session_file import SessionConfig
@@ -19,8 +20,7 @@ FILE = "rehearsal.json"
 def save_rehearsal(config: SessionConfig, rehearsed: Rehearsed) -> Path:
     """Keep a rehearsal among the results, with what it is of."""
     path = config.results_folder / FILE
-    write_text_whole(path, json.dumps(dataclasses.asdict(rehearsed) | {"of": _what(config)},
-                                      indent=1))
+    write_text_whole(path, json.dumps(rehearsed.facts | {"of": _what(config)}, indent=1))
     return path
 
 
@@ -30,10 +30,10 @@ def stored_rehearsal(config: SessionConfig) -> Rehearsed | None:
         stored = json.loads((config.results_folder / FILE).read_text(encoding="utf-8"))
         if stored.pop("of") != _what(config):
             return None
-        from spectrabox.measure.scene.rehearsal import Rehearsed, RehearsedMaterial
-        materials = tuple(RehearsedMaterial(**{**each, "ranks": tuple(each["ranks"])})
-                          for each in stored.pop("materials"))
-        return Rehearsed(**stored, materials=materials)
+        from spectrabox.measure.scene.rehearsal import FIGURES, Rehearsed
+        materials = stored.pop("materials")
+        stored |= {figure: np.array([each[figure] for each in materials]) for figure in FIGURES}
+        return Rehearsed(**stored, names=tuple(each["name"] for each in materials))
     except (FileNotFoundError, ValueError, TypeError, AttributeError, KeyError, RecursionError):
         return None
 

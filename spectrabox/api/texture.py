@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,38 +20,10 @@ from spectrabox.reconstruct.scene.split_texture import paints_of_picture, split_
 MAX_PAINTS = 8
 
 
-@dataclass(frozen=True, eq=False)
-class SplitTexture:
-    """A scene in which a surface of known texture is cut into known materials.
-
-    Attributes
-    ----------
-    scene : Path
-        The scene that was written.
-    materials : dict of paths by material
-        Files of their reflectances, for `reconstruct_scene` or ``[materials.NAME] known``.
-    error : float
-        Root mean square, over texels and wavelengths, of the reflectance that the paints leave out.
-
-    References
-    ----------
-    Why a material has one spectrum: docs/explanation/reconstruction.md.
-
-    Examples
-    --------
-    >>> split = sb.split_texture("mybox/scene/box.xml", "poster", "mybox/poster.exr", paints=16)
-    >>> print(split.error, *split.materials)
-    """
-
-    scene: Path
-    materials: dict[str, Path]
-    error: float
-
-
 @renderer.threads_given_back()
 def split_texture(scene: str | Path, shape: str,
                   picture: str | Path | tuple[ArrayLike, Sequence[KnownSpectrum]], *,
-                  paints: int = MAX_PAINTS) -> SplitTexture:
+                  paints: int = MAX_PAINTS) -> tuple[Path, dict[str, Path], float]:
     """A scene in which a surface of known texture is cut along its texels into known materials.
 
     Parameters
@@ -69,8 +40,12 @@ def split_texture(scene: str | Path, shape: str,
 
     Returns
     -------
-    SplitTexture
-        Its scene lies beside the other, with a PLY file and a CSV file for each material.
+    scene : Path
+        The scene that was written, beside the other, with a PLY file for each material.
+    materials : dict of paths by material
+        Files of their reflectances, for `reconstruct_scene` or ``[materials.NAME] known``.
+    error : float
+        Root mean square, over texels and wavelengths, of the reflectance that the paints leave out.
 
     Raises
     ------
@@ -82,15 +57,15 @@ def split_texture(scene: str | Path, shape: str,
 
     References
     ----------
-    Means of like spectra: Lloyd 1982 (k-means), started as by Arthur and Vassilvitskii 2007.
-    docs/results/reconstruction.md.
+    Means of like spectra: Lloyd 1982 (k-means), started as by Arthur and Vassilvitskii 2007. Why a
+    material has one spectrum: docs/explanation/reconstruction.md.
 
     Examples
     --------
-    >>> split = sb.split_texture("mybox/scene/box.xml", "poster", "mybox/poster.exr")
-    >>> result = sb.reconstruct_scene("mybox/photos/box.dng", scene=split.scene, camera=camera,
+    >>> scene, paints, error = sb.split_texture("mybox/scene/box.xml", "poster", "mybox/poster.exr")
+    >>> result = sb.reconstruct_scene("mybox/photos/box.dng", scene=scene, camera=camera,
     ...     light="mybox/spectra/light.csv",
-    ...     materials={"white": None, "cube": None} | split.materials)
+    ...     materials={"white": None, "cube": None} | paints)
     """
     source = Path(scene)
     renderer.start_mitsuba("auto")
@@ -116,4 +91,4 @@ def split_texture(scene: str | Path, shape: str,
             write_text_whole(files[name], table_text(
                 nm, {"reflectance": values}, quantity=Quantity.REFLECTANCE,
                 source=f"texture of {shape} in {source.name}"))
-    return SplitTexture(target, files, error)
+    return target, files, error
