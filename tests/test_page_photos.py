@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from served_page import wait_for
 
-from spectrabox.capture.photo import preview, stored_images
+from spectrabox.capture.photo import stored_images
 from spectrabox.fixtures.flat_sample import write_photo
 from spectrabox.measure.photo_quality import BRIGHT, brightest_signal, exposure_stops
 from spectrabox.radiometry.errors import InputError
 from spectrabox.session.page import photo_views, shooting
-from spectrabox.session.page.photo_views import PhotoViews
+from spectrabox.session.page.photo_views import PhotoFile, PhotoViews
 
 from tests.test_error_laws import image
 
@@ -35,14 +35,14 @@ def path(tmp_path, monkeypatch):
 @pytest.mark.parametrize("x, y, pixel", [(0, 0, 0), (1.4, 0, 0), (1.6, 0, 1), (-0.4, 3.4, 6),
                                          (11.4, 7.4, 23)])
 def test_a_pixel_of_the_sensor_reads_the_pixel_that_it_is_part_of(path, x, y, pixel):
-    found = PhotoViews().value((path, preview.AS_READ), x, y)
+    found = PhotoViews().value(PhotoFile(path), x, y)
     assert found["signal"] == pytest.approx([pixel + 0.004] * 3)
 
 
 @pytest.mark.parametrize("x, y", [(-0.6, 0), (11.6, 0), (0, 7.6)])
 def test_there_is_nothing_beyond_the_last_pixel(path, x, y):
     with pytest.raises(InputError, match="outside the photo of 12 x 8 pixels"):
-        PhotoViews().value((path, preview.AS_READ), x, y)
+        PhotoViews().value(PhotoFile(path), x, y)
 
 
 def test_what_is_left_of_a_rectangle_holds_no_pixel_that_is_clipped_in_any_band(path, monkeypatch):
@@ -52,7 +52,7 @@ def test_what_is_left_of_a_rectangle_holds_no_pixel_that_is_clipped_in_any_band(
         saturated[::7, 50::7, 0] = True
         return replace(seen, saturated=saturated)
     monkeypatch.setattr(photo_views, "open_any", opened)
-    left, top, right, bottom = PhotoViews().unclipped((path, preview.AS_READ), [10, 5, 75, 70])
+    left, top, right, bottom = PhotoViews().unclipped(PhotoFile(path), [10, 5, 75, 70])
     # cells are of three pixels
     assert left == pytest.approx(10, abs=3) and 46 <= right < 50
     assert top == pytest.approx(5, abs=3) and bottom == pytest.approx(70, abs=3)
@@ -60,10 +60,10 @@ def test_what_is_left_of_a_rectangle_holds_no_pixel_that_is_clipped_in_any_band(
 
 def test_a_file_that_was_replaced_is_shown_as_it_is_now(path):
     shown = PhotoViews()
-    assert shown.value((path, preview.AS_READ), 0, 0)["signal"][0] == pytest.approx(0.004)
+    assert shown.value(PhotoFile(path), 0, 0)["signal"][0] == pytest.approx(0.004)
     path.write_bytes(b"123456")
     os.utime(path, ns=(1, 1))
-    assert shown.value((path, preview.AS_READ), 0, 0)["signal"][0] == pytest.approx(0.006)
+    assert shown.value(PhotoFile(path), 0, 0)["signal"][0] == pytest.approx(0.006)
 
 
 @pytest.mark.parametrize("level", [0.02, 0.5, 0.9])

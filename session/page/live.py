@@ -29,7 +29,7 @@ from spectrabox.radiometry.spectra.formats import delimited, tm27
 from spectrabox.radiometry.system.words import shortened
 from spectrabox.session.config.session_file import SessionConfig
 from spectrabox.session.page import pointed_answers, run_control
-from spectrabox.session.page.photo_views import RELATIVE, PhotoViews
+from spectrabox.session.page.photo_views import RELATIVE, PhotoFile, PhotoViews
 from spectrabox.session.store.keys import InputFiles, digest_of_parts, step_keys
 from spectrabox.session.store.record_files import fingerprint, load_stage
 
@@ -327,7 +327,7 @@ class LiveSample:
                                          strict=True):
                 for files in map(captured.files_of, (view.photo, view.chart)):
                     if len(files) == 1 and files[0].path is not None:
-                        photo = self._views.photo((files[0].path, capture.orientation))
+                        photo = self._views.photo(PhotoFile(files[0].path, capture.orientation))
                         look = shown_photo.scene_look(calibration, photo.reduced(HALVINGS))
                         if look is not None:
                             looks[files[0].path] = look
@@ -376,7 +376,8 @@ class LiveSample:
             images[view.name] = photos.developed(view.photo)[0]
             files = [file for band in view.photo.values() for file in band]
             if len(files) == 1 and plain:
-                self._views.keep((files[0].path, capture.orientation), images[view.name])
+                self._views.keep(PhotoFile(files[0].path, capture.orientation),
+                                 images[view.name])
         return images
 
     def _state_anew(self) -> None:

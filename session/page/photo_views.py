@@ -5,6 +5,7 @@ import itertools
 import tempfile
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
@@ -23,11 +24,18 @@ TILE = 512              # px, a side of a tile
 MAX_TILES = 400         # encoded, of each photo
 MAX_CELLS = 32          # a side, in which the part of a rectangle that is not clipped is sought
 MAX_HALVINGS = 12       # of a photo of a million pixels a side nothing else is left
-PhotoFile = tuple[Path, int]            # a photo's, and how it is turned, as EXIF numbers it
-FileKey = tuple[Path, int, int, int]    # with its time and length
+FileKey = tuple[Path, int, int, int]    # with its orientation, time and length
 # how a photo is shown; of a scene, whose light is another everywhere, only relative to white
 RAW, CAMERA, CALIBRATED, RELATIVE = "raw", "camera", "calibrated", "relative"
 Kept = TypeVar("Kept")
+
+
+@dataclass(frozen=True)
+class PhotoFile:
+    """A photo's file, and how it is turned."""
+
+    path: Path
+    orientation: int = preview.AS_READ      # as EXIF numbers it
 
 
 class OpenPhoto:
@@ -111,10 +119,10 @@ class PhotoViews:
         InputError
             If it cannot be read.
         """
-        key, (path, orientation) = _key(file), file
+        key = _key(file)
         with self._lock:
             return _kept(self._clipped, key, lambda: preview.turned_array(
-                open_any(path, not_linear=True).saturated, orientation))
+                open_any(file.path, not_linear=True).saturated, file.orientation))
 
     def keep(self, file: PhotoFile, image: LinearImage) -> None:
         """Take a photo that has been developed elsewhere in place of decoding it again.
@@ -189,7 +197,7 @@ class PhotoViews:
             raise InputError(f"the photo of {photo.size[0]} x {photo.size[1]} pixels has no such "
                              "tile")
         with self._lock:
-            name, by = self._looks.get(file[0], (CAMERA, photo.camera))
+            name, by = self._looks.get(file.path, (CAMERA, photo.camera))
             if look == RAW or by is None:
                 name, by = RAW, None
             key = name, halvings, column, row
@@ -273,12 +281,11 @@ def encoded(rgb8: np.ndarray, write: Callable[[Path, np.ndarray], None], suffix:
 
 
 def _key(file: PhotoFile) -> FileKey:
-    path, _ = file
     try:
-        stat = path.stat()
+        stat = file.path.stat()
     except OSError as error:
-        raise InputError(f"{path.name} cannot be read ({error.strerror})") from None
-    return *file, stat.st_mtime_ns, stat.st_size
+        raise InputError(f"{file.path.name} cannot be read ({error.strerror})") from None
+    return file.path, file.orientation, stat.st_mtime_ns, stat.st_size
 
 
 def _kept(known: dict[FileKey, Kept], key: FileKey, make: Callable[[], Kept]) -> Kept:
@@ -293,12 +300,11 @@ def _kept(known: dict[FileKey, Kept], key: FileKey, make: Callable[[], Kept]) ->
 
 def _opened(file: PhotoFile) -> OpenPhoto:
     """A raw's signal alone, which takes half the time; any other file as it is opened elsewhere."""
-    path, orientation = file
-    if not stored_images.is_image_file(path):
-        frame, *further = raw.decode(path)
+    if not stored_images.is_image_file(file.path):
+        frame, *further = raw.decode(file.path)
         if not further:
-            signal = preview.turned_array(signal_alone(frame), orientation)
+            signal = preview.turned_array(signal_alone(frame), file.orientation)
             return OpenPhoto(signal, float(tile_step(frame.cfa, frame.file)),
                              frame.camera_from_xyz)
-    image = preview.turned(open_any(path, not_linear=True), orientation)
+    image = preview.turned(open_any(file.path, not_linear=True), file.orientation)
     return OpenPhoto(image.signal, image.sensor_step, image.camera_from_xyz)

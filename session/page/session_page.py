@@ -124,13 +124,13 @@ class SessionPage:
         kind, _, name = role.partition(":")
         if kind == "shot" and self.shooting is not None:
             shot = self.shooting.path(name)
-            return shot, photo_orientation(shot)
+            return PhotoFile(shot, photo_orientation(shot))
         tables = self._tables_of_photos(self.marks.read()[0])
         named = written_session.photos_of(tables)
         if tables is not None and role in named:
             path = self._inside(named[role])
             if path is not None:
-                return path, tables.photos.orientation
+                return PhotoFile(path, tables.photos.orientation)
         raise InputError(f"the session has no photo {shortened(role)}; it has {', '.join(named)}")
 
     @contextlib.contextmanager

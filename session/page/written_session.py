@@ -17,7 +17,7 @@ from spectrabox.measure.scene.box_camera import scene_of
 from spectrabox.measure.shoot import captures, shoot
 from spectrabox.radiometry import checked_tables, errors
 from spectrabox.session.config.session_file import SessionConfig, toml_of
-from spectrabox.session.page.photo_views import PhotoViews
+from spectrabox.session.page.photo_views import PhotoFile, PhotoViews
 from spectrabox.session.problems import readable, require_chart
 
 MAX_PX = 1e6            # no photo is as large
@@ -150,14 +150,14 @@ def _region_faults(config: SessionConfig, name: str, photos: PhotoViews) -> None
         region, files = config.regions_in(view).get(name), view.photo_files
         if region is None:
             continue
-        file = config.path(files[0]), config.photos.orientation
+        file = PhotoFile(config.path(files[0]), config.photos.orientation)
         photo = readable(photos.photo, file)
         if photo is None:
             continue
         # of several files a shorter exposure may hold what is clipped
         saturated = photos.clipped(file) if len(files) == 1 else np.zeros(photo.signal.shape, bool)
         regions.region_pixels(saturated, photo.step, np.array(region.outline(), dtype=float),
-                              f"photo {file[0].name}: region {name!r}")
+                              f"photo {file.path.name}: region {name!r}")
 
 
 def _chart(config: SessionConfig) -> None:
