@@ -1,8 +1,6 @@
 """Surfaces compared: bands that repeat each other, metamers, pairs of draws, by known answers."""
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from scipy import stats
@@ -10,15 +8,22 @@ from scipy import stats
 from spectrabox.measure.surfaces import colour_comparison
 from spectrabox.measure.surfaces.colour_comparison import (
     ColourComparison,
+    apart_nm,
     independent_bands,
     metamer_pair,
     signal_difference,
+    under_lights,
 )
 from spectrabox.radiometry import appearance
 from spectrabox.radiometry.error_model import LIGHT_FIELD, PHOTO_NOISE, SURFACE_REFLECTION, WHITE
 from spectrabox.radiometry.errors import CheckError
 from spectrabox.radiometry.grid import FINE_GRID
-from spectrabox.radiometry.records.spectra import CaptureStates, SurfaceSignals
+from spectrabox.radiometry.records.spectra import (
+    CaptureStates,
+    Outcome,
+    SpectrumSamples,
+    SurfaceSignals,
+)
 from spectrabox.sampling.prior.mixture import PRIOR_GRID
 
 NM = FINE_GRID.nm
@@ -109,7 +114,13 @@ def test_what_a_sum_leaves_out_of_a_band_is_an_error_of_it():
 
 def samples(along, base=0.4, scale=0.1, shape=None):
     shape = np.sin(2 * np.pi * (PRIOR_GRID.nm - 400) / 300) if shape is None else shape
-    return SimpleNamespace(grid=PRIOR_GRID, spectra=base + scale * np.outer(along, shape))
+    return held(base + scale * np.outer(along, shape))
+
+
+def held(drawn):
+    """Draws (T, 61), whose coefficients are their numbers."""
+    return SpectrumSamples(PRIOR_GRID, drawn, np.arange(len(drawn))[:, None], "m", 1.0, 0,
+                           Outcome.EXACT, (), np.zeros((len(drawn), 1)))
 
 
 def test_metamers_are_the_draws_at_the_ends_of_their_main_difference():
@@ -118,8 +129,10 @@ def test_metamers_are_the_draws_at_the_ends_of_their_main_difference():
     values = np.sort((found.spectra[:, 15] - 0.4) / 0.1 / np.sin(np.pi / 2))
     np.testing.assert_allclose(values, [-0.95, 0.95], atol=0.006)
     # where they differ most: at the crest or the trough of the wave
-    assert found.apart_nm in (475, 625)
-    assert found.srgb.shape == (5, 2, 3) and found.delta_e00.shape == (5,)
+    assert apart_nm(found) in (475, 625)
+    # with the coefficients of the same draws
+    np.testing.assert_allclose(along[found.coefficients[:, 0].astype(int)],
+                               (found.spectra[:, 15] - 0.4) / 0.1, atol=1e-9)
 
 
 def test_the_main_difference_is_that_over_wavelength_not_over_samples():
@@ -128,14 +141,13 @@ def test_the_main_difference_is_that_over_wavelength_not_over_samples():
     ends[[0, -1]], middle[30] = 0.075, 0.09     # squares 0.0056 + 0.0056 halved, and 0.0081
     signs = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
     spectra = 0.5 + signs @ np.array([ends, middle])
-    found = metamer_pair(SimpleNamespace(grid=PRIOR_GRID, spectra=spectra))
-    assert found.apart_nm == PRIOR_GRID.nm[30]
+    assert apart_nm(metamer_pair(held(spectra))) == PRIOR_GRID.nm[30]
 
 
 def test_metamers_differ_under_each_light_as_their_spectra_do():
     found = metamer_pair(samples(np.linspace(-1, 1, 41)))
-    for light, difference, colours in zip(colour_comparison.LIGHTS, found.delta_e00, found.srgb,
-                                          strict=True):
+    srgb, differences = under_lights(found)
+    for light, difference, colours in zip(colour_comparison.LIGHTS, differences, srgb, strict=True):
         labs = [appearance.reflectance_to_lab(PRIOR_GRID.nm, one, light) for one in found.spectra]
         assert difference == pytest.approx(float(appearance.ciede2000(*labs)), rel=1e-6)
         adapted = appearance.adapted_tristimulus(PRIOR_GRID.nm, light)
