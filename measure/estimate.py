@@ -493,8 +493,8 @@ class Estimate:
         Returns
         -------
         xarray.Dataset
-            ``mean``, ``standard_deviation``, ``lower``, ``upper``, ``bound_lower``,
-            ``bound_upper`` and ``draws``: reflectances, 0 to 1.
+            ``mean``, ``standard_deviation``, ``lower`` and ``upper`` of 95 % bands,
+            ``bound_lower``, ``bound_upper`` and ``draws``: reflectances, 0 to 1.
 
         Raises
         ------
@@ -504,7 +504,7 @@ class Estimate:
         return to_xarray({self.name: self}, draws, seed).isel(surface=0)
 
     def to_csv(self, path: str | Path) -> Path:
-        """Write mean, standard deviation, band and bounds, a row a wavelength.
+        """Write mean, standard deviation, 95 % band and bounds, a row a wavelength.
 
         Parameters
         ----------
@@ -692,7 +692,7 @@ def _on(nm: np.ndarray, own_nm: np.ndarray, spectra: np.ndarray) -> np.ndarray:
 
 
 def to_csv(estimates: Mapping[str, Estimate], path: str | Path) -> Path:
-    """Write mean, standard deviation, band and bounds of every surface, a row a wavelength.
+    """Write mean, standard deviation, 95 % band and bounds of every surface, a row a wavelength.
 
     Parameters
     ----------

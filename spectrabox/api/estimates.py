@@ -80,8 +80,8 @@ class SpectrumEstimates(Mapping[str, estimate.Estimate]):
         Returns
         -------
         xarray.Dataset
-            ``mean``, ``standard_deviation``, ``lower``, ``upper``, ``bound_lower``,
-            ``bound_upper`` and ``draws``: reflectances, 0 to 1.
+            ``mean``, ``standard_deviation``, ``lower`` and ``upper`` of 95 % bands,
+            ``bound_lower``, ``bound_upper`` and ``draws``: reflectances, 0 to 1.
 
         Raises
         ------
@@ -91,7 +91,8 @@ class SpectrumEstimates(Mapping[str, estimate.Estimate]):
         return estimate.to_xarray(self, draws, seed)
 
     def to_csv(self, path: str | Path) -> Path:
-        """Write mean, standard deviation, band and bounds of every surface, a row a wavelength.
+        """Write mean, standard deviation, 95 % band and bounds of every surface, a row a
+        wavelength.
 
         Parameters
         ----------
